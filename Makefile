@@ -1,0 +1,59 @@
+# Needs Python >= 3.10 and Rust, nothing else; PYTHON=python3.12 names the interpreter of a new .venv.
+.DEFAULT_GOAL := help
+.NOTPARALLEL:
+.PHONY: help setup packages demo test lint bench wheel test-wheel study-defaults clean
+
+PY := .venv/bin/python
+# The build belongs to .venv, whatever environment the shell is in.
+export VIRTUAL_ENV := $(CURDIR)/.venv
+unexport CONDA_PREFIX PYTHONHOME PYTHONPATH
+
+help: ## this list
+	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "make %-15s %s\n", $$1, $$2 }' $(firstword $(MAKEFILE_LIST))
+
+setup: ## .venv and the compiled core, brought up to date (every target below does what it needs of it)
+	@tools/setup.sh
+
+packages:
+	@tools/setup.sh packages
+
+demo: setup ## the main example: estimates, figures and a report in ddmhe-demo/
+	$(PY) -m ddmhe demo --out ddmhe-demo
+
+# One profile for the tests, the benches and Python's core, and --workspace, which gives all three the features of the
+# whole workspace: the dependencies are compiled once.
+test: setup ## all tests: Rust, then Python
+	cargo test --workspace --release --locked
+	$(PY) -m pytest
+
+lint: rust-components packages ## formatting, clippy, ruff, mypy
+	cargo fmt --all --check
+	cargo clippy --workspace --all-targets --locked -- -D warnings
+	$(PY) -m ruff check
+	$(PY) -m ruff format --check
+	$(PY) -m mypy
+
+.PHONY: rust-components
+rust-components:
+	@for c in fmt clippy; do cargo $$c --version >/dev/null 2>&1 || \
+		{ echo "ddmhe: 'cargo $$c' is needed, not found (rustup component add rustfmt clippy)" >&2; exit 1; }; done
+
+bench: setup ## time of the core's operations
+	cargo bench --workspace --locked
+
+wheel: setup ## a wheel in dist/
+	rm -rf dist
+	$(PY) -m maturin build --release --locked --out dist
+
+test-wheel: wheel ## the wheel in an empty environment outside of the sources
+	@tmp=$$(mktemp -d) && trap 'rm -rf "$$tmp"' EXIT && wheel=$$(echo "$$PWD"/dist/*.whl) && \
+	$(PY) -m venv "$$tmp/venv" && cd "$$tmp" && \
+	venv/bin/pip install --quiet --disable-pip-version-check "$$wheel" && \
+	venv/bin/ddmhe demo --out "$$tmp/demo" && echo "$${wheel##*/} works in an empty environment"
+
+study-defaults: setup ## the study behind the default settings
+	$(PY) studies/defaults.py
+
+clean: ## removes everything that was made
+	rm -rf .venv target dist ddmhe-demo python/ddmhe/_core*.so .mypy_cache .pytest_cache .ruff_cache
+	find python tests -name __pycache__ -prune -exec rm -rf {} +

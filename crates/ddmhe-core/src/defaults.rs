@@ -1,0 +1,130 @@
+//! The default rule: horizon, weights and trajectory space from the recording alone.
+//!
+//! Everything hangs on one number, the *misfit* f in [0, 1]: the share of the recording's variance that an affine
+//! model x(k+1), y(k) ← x(k), fitted by least squares, leaves unexplained. It is rounding for a noise-free linear
+//! system with a full state, the relative noise variance for a noisy one (3-DOF detumbling: 1e-6 to 1e-1), and
+//! close to 1 when the recorded x is only part of the system's state (a gyroscope on a swinging body: 0.8 to 1).
+//!
+//! | setting | rule | reason |
+//! |---|---|---|
+//! | weight | λ = max(0.03 f, 1e-7) μ; 0 when f is rounding | in the coordinates a (see [`space`](crate::space)) a window is a draw of zero mean and unit variance, and its outputs deviate by a share f of their variance: λ/μ grows like f. The factor and the floor (a curved system leaves the recorded region) are measured |
+//! | rank | all directions above rounding | the weight fades out what the noise has filled; a cut at a rank made 3-DOF estimates diverge on noisy recordings |
+//! | μ | 0.1 in scaled units, 0.1 s_x²/s_y² in those of (17) | measured; 0.1 to 1 do |
+//! | ρ | 0.95 | anything from 0.9 to 0.97 does |
+//! | M | 20 + f (M₁ - 20), M₁ the longest horizon with 0.4 T windows left (0.6 T in one recording), at most 100 | a complete state needs a few samples; hidden parts must be read off the outputs' past |
+//!
+//! With f at rounding level the weight is zero and the space exact. `make study-defaults` measures the rule against the
+//! best settings in hindsight.
+
+use crate::history::History;
+use crate::space::{Penalty, Scaling, Selection};
+use faer::Mat;
+use faer::linalg::solvers::SolveLstsq;
+
+/// λ / (f μ).
+const WEIGHT: f64 = 0.03;
+/// Smallest λ / μ for a recording that is not exactly linear.
+const FLOOR: f64 = 1e-7;
+/// μ in scaled units.
+const MU: f64 = 0.1;
+/// Discount ρ.
+const RHO: f64 = 0.95;
+/// Horizon for a recording without hidden states, and the share of T for one that is all hidden.
+const HORIZON: (usize, f64) = (20, 0.6);
+/// Longest default horizon: construction grows with its third power.
+const LONGEST: usize = 100;
+/// A misfit below this is rounding (a relative error of 1e-12).
+const EXACT: f64 = 1e-24;
+/// Relative noise above which a recording counts as noisy.
+const NOISY: f64 = 1e-6;
+
+/// What the rule says about one recording, in scaled units.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Defaults {
+    pub horizon: usize,
+    pub rho: f64,
+    pub mu: f64,
+    misfit: f64,
+    /// Whether the recording itself carries noise: decides if a known equilibrium helps.
+    pub noisy: bool,
+}
+
+impl Defaults {
+    /// Applies the rule.
+    pub fn new(history: &History, scaling: &Scaling) -> Self {
+        let [f_x, f_y] = misfit(history);
+        let [noise_x, noise_y] = noise(history);
+        let misfit = f_x.max(f_y);
+        // With one recording of T outputs: 0.6 T. Seams cost windows, and so shorten the horizon.
+        let enough = ((1.0 - HORIZON.1) * history.T() as f64).ceil() as usize;
+        let longest = |windows: usize| (1..=history.T()).rev().find(|&m| history.windows(m) >= windows).unwrap_or(1);
+        let hidden = longest(enough.max(1)).min(LONGEST) as f64;
+        let complete = HORIZON.0 as f64;
+        let horizon = (complete + misfit * (hidden - complete)).round().max(1.0) as usize;
+        // Noise leaves a residual *and* fifth differences; curvature alone leaves one of the two.
+        let relative = |noise: f64, s: f64, f: f64| (noise / s).min(f.sqrt());
+        let noisy = relative(noise_x, scaling.s_x, f_x).max(relative(noise_y, scaling.s_y, f_y)) > NOISY;
+        Defaults { horizon: horizon.min(longest(2 * history.n() + 1)), rho: RHO, mu: MU, misfit, noisy }
+    }
+
+    /// The space `auto` for the noise weight `mu` in force.
+    pub fn selection(&self, mu: f64) -> Selection {
+        let penalty = if self.misfit < EXACT {
+            Penalty::None
+        } else {
+            Penalty::Normalised((WEIGHT * self.misfit).max(FLOOR) * mu)
+        };
+        Selection { rank: None, tol: None, penalty }
+    }
+}
+
+/// Shares of the variance of x(k+1) and of y(k), pooled over channels, that an affine function of x(k) leaves
+/// unexplained, corrected for its n + 1 degrees of freedom; at most 1.
+fn misfit(history: &History) -> [f64; 2] {
+    let (n, p) = (history.n(), history.p());
+    let samples: Vec<(usize, usize)> =
+        (0..history.recordings()).flat_map(|i| (0..history.y(i).len() / p).map(move |k| (i, k))).collect();
+    if samples.len() <= n + 1 {
+        return [0.0; 2];
+    }
+    let x = |row: usize, j: usize, ahead: usize| history.x(samples[row].0)[(samples[row].1 + ahead) * n + j];
+    let y = |row: usize, j: usize| history.y(samples[row].0)[samples[row].1 * p + j];
+    // Centred columns: the ones column is taken care of, and large offsets cost no digits.
+    let regressor = centred(Mat::from_fn(samples.len(), n, |i, j| x(i, j, 0)));
+    let target = centred(Mat::from_fn(samples.len(), n + p, |i, j| if j < n { x(i, j, 1) } else { y(i, j - n) }));
+    let total = |columns: std::ops::Range<usize>, M: &Mat<f64>| {
+        M.as_ref().subcols(columns.start, columns.len()).squared_norm_l2()
+    };
+    let residual = &target - &regressor * regressor.col_piv_qr().solve_lstsq(&target);
+    let correction = samples.len() as f64 / (samples.len() - n - 1) as f64;
+    [0..n, n..n + p].map(|columns| {
+        let variance = total(columns.clone(), &target);
+        if variance > 0.0 { (correction * total(columns, &residual) / variance).min(1.0) } else { 0.0 }
+    })
+}
+
+fn centred(mut M: Mat<f64>) -> Mat<f64> {
+    for j in 0..M.ncols() {
+        let mean = M.col(j).iter().sum::<f64>() / M.nrows() as f64;
+        M.col_mut(j).iter_mut().for_each(|v| *v -= mean);
+    }
+    M
+}
+
+/// Standard deviation of the noise on x and on y, from fifth differences: Δ⁵ of white noise of variance σ² has variance
+/// (1 + 25 + 100 + 100 + 25 + 1) σ² = 252 σ², and Δ⁵ of a smooth signal is next to nothing.
+fn noise(history: &History) -> [f64; 2] {
+    const DELTA: [f64; 6] = [-1.0, 5.0, -10.0, 10.0, -5.0, 1.0];
+    let level = |signal: fn(&History, usize) -> &[f64], width: usize| {
+        let (mut squares, mut count) = (0.0, 0.0_f64);
+        for i in 0..history.recordings() {
+            let s = signal(history, i);
+            for k in 0..s.len().saturating_sub(5 * width) {
+                squares += DELTA.iter().enumerate().map(|(j, c)| c * s[k + j * width]).sum::<f64>().powi(2);
+                count += 1.0;
+            }
+        }
+        (squares / count.max(1.0) / 252.0).sqrt()
+    };
+    [level(History::x, history.n()), level(History::y, history.p())]
+}

@@ -1,0 +1,65 @@
+//! What can be wrong with an input. A solver's outcome is never an error: see [`Status`](crate::Status).
+
+use thiserror::Error as ThisError;
+
+/// A rejected input: which argument, what was expected, what came.
+#[derive(Debug, Clone, PartialEq, ThisError)]
+#[non_exhaustive]
+pub enum Error {
+    /// An array has the wrong size.
+    #[error("{argument}: expected {expected}, found {found}")]
+    Shape {
+        /// Name of the argument.
+        argument: &'static str,
+        /// The size that fits.
+        expected: String,
+        /// The size that came.
+        found: String,
+    },
+    /// A number that must be finite is NaN or infinite.
+    #[error("{argument}: expected finite numbers, found {value} at row {row}, column {column}")]
+    NotFinite {
+        /// Name of the argument.
+        argument: &'static str,
+        /// Sample, counted from 0.
+        row: usize,
+        /// Channel, counted from 0.
+        column: usize,
+        /// The offending number.
+        value: f64,
+    },
+    /// A parameter lies outside its range.
+    #[error("{argument}: expected {expected}, found {found}")]
+    Value {
+        /// Name of the argument.
+        argument: &'static str,
+        /// The range that is allowed.
+        expected: String,
+        /// The value that came.
+        found: String,
+    },
+    /// The recording does not hold enough information (Liu 2026, Eq. (7)).
+    #[error("{argument}: expected {expected}, found {found}")]
+    Rank {
+        /// Name of the argument.
+        argument: &'static str,
+        /// What the rank condition asks for.
+        expected: String,
+        /// What the recording offers.
+        found: String,
+    },
+}
+
+impl Error {
+    pub(crate) fn shape(argument: &'static str, expected: impl ToString, found: impl ToString) -> Self {
+        Error::Shape { argument, expected: expected.to_string(), found: found.to_string() }
+    }
+
+    pub(crate) fn value(argument: &'static str, expected: impl ToString, found: impl ToString) -> Self {
+        Error::Value { argument, expected: expected.to_string(), found: found.to_string() }
+    }
+
+    pub(crate) fn rank(argument: &'static str, expected: impl ToString, found: impl ToString) -> Self {
+        Error::Rank { argument, expected: expected.to_string(), found: found.to_string() }
+    }
+}

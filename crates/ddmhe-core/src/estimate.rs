@@ -1,0 +1,37 @@
+//! What a step returns, with its evidence.
+
+use crate::qp::Status;
+
+/// The estimate of one step and the evidence behind it. All arrays are time-major, in the user's units.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Estimate {
+    /// x̂(t) (n), from outputs up to y(t-1).
+    pub x: Vec<f64>,
+    /// The whole estimated window x̂(t-M_t|t) … x̂(t|t), (M_t+1)·n, oldest first.
+    pub window: Vec<f64>,
+    /// Fitted noise v̂(t-M_t|t) … v̂(t-1|t), M_t·p; NaN where nothing was measured.
+    pub v: Vec<f64>,
+    /// Cost (17) at the estimate (a weight on ‖α‖² is not part of it).
+    pub cost: f64,
+    /// What the optimisation found.
+    pub status: Status,
+    /// Number of bounds that the window touches.
+    pub active: usize,
+    /// Solver iterations; 0 when the closed form satisfied every bound and no solver ran.
+    pub iterations: u32,
+}
+
+/// The estimates of a whole run: row t-1 is step t's.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Log {
+    /// x̂, N·n, time-major.
+    pub x: Vec<f64>,
+    /// Cost (17) of each step.
+    pub cost: Vec<f64>,
+    /// Status of each step.
+    pub status: Vec<Status>,
+    /// Number of touched bounds of each step.
+    pub active: Vec<usize>,
+    /// Solver iterations of each step.
+    pub iterations: Vec<u32>,
+}

@@ -1,0 +1,86 @@
+//! Block Hankel matrices (Definition 1) and the rank condition (7).
+
+use crate::history::History;
+use crate::tol;
+use faer::Mat;
+
+/// H_depth(u) of a signal u with `width` channels: column k stacks u(k), …, u(k+depth-1).
+///
+/// A view: stored time-major, a column is a contiguous slice of the recording, so no depth costs a copy.
+#[derive(Debug, Clone, Copy)]
+pub struct BlockHankel<'a> {
+    signal: &'a [f64],
+    width: usize,
+    depth: usize,
+}
+
+impl<'a> BlockHankel<'a> {
+    /// The matrix of a time-major `signal` with `width` channels.
+    pub fn new(signal: &'a [f64], width: usize, depth: usize) -> Self {
+        BlockHankel { signal, width, depth }
+    }
+
+    /// Number of rows, depth · width.
+    pub fn nrows(&self) -> usize {
+        self.depth * self.width
+    }
+
+    /// Number of columns, samples - depth + 1 (0 when the signal is shorter than the depth).
+    pub fn ncols(&self) -> usize {
+        (self.signal.len() / self.width + 1).saturating_sub(self.depth)
+    }
+
+    /// Column k.
+    ///
+    /// # Panics
+    /// When k ≥ [`ncols`](Self::ncols).
+    pub fn col(&self, k: usize) -> &'a [f64] {
+        &self.signal[k * self.width..(k + self.depth) * self.width]
+    }
+
+    /// A dense copy, rows × columns.
+    pub fn to_mat(&self) -> Mat<f64> {
+        Mat::from_fn(self.nrows(), self.ncols(), |i, k| self.col(k)[i])
+    }
+}
+
+/// The outcome of the rank condition (7).
+#[derive(Debug, Clone, PartialEq)]
+pub struct RankReport {
+    /// Numerical rank of [H_1(x[0..T-L]); 1ᵀ]: singular values above `tolerance`.
+    pub rank: usize,
+    /// n + 1.
+    pub required: usize,
+    /// Singular values, largest first, of the matrix with each state channel divided by its largest
+    /// magnitude, so that units do not decide the rank.
+    pub singular_values: Vec<f64>,
+    /// Threshold below which a singular value is rounding.
+    pub tolerance: f64,
+    /// σ_{n+1} / σ_1: the relative perturbation of the recording that would break the condition
+    /// (0 when there are fewer than n + 1 windows).
+    pub margin: f64,
+}
+
+impl RankReport {
+    pub(crate) fn new(history: &History, depth: usize) -> Self {
+        let n = history.n();
+        let starts: Vec<&[f64]> =
+            history.hankel(depth).flat_map(|(H_x, _)| (0..H_x.ncols()).map(move |k| &H_x.col(k)[..n])).collect();
+        let largest = |i: usize| starts.iter().fold(0.0_f64, |m, x| m.max(x[i].abs()));
+        let scale: Vec<f64> = (0..n).map(largest).map(|s| if s > 0.0 { s } else { 1.0 }).collect();
+        // (n+1) × N
+        let M = Mat::from_fn(n + 1, starts.len(), |i, k| if i < n { starts[k][i] / scale[i] } else { 1.0 });
+        // The singular value iteration cannot fail on finite data; an empty list would read as rank 0.
+        let singular_values = M.singular_values().unwrap_or_default();
+        let sigma_1 = singular_values.first().copied().unwrap_or(0.0);
+        let tolerance = tol::RANK_EPS * starts.len().max(n + 1) as f64 * sigma_1;
+        let rank = singular_values.iter().filter(|&&s| s > tolerance).count();
+        let margin = singular_values.get(n).map_or(0.0, |s| s / sigma_1);
+        RankReport { rank, required: n + 1, singular_values, tolerance, margin }
+    }
+
+    /// Whether the condition holds.
+    pub fn satisfied(&self) -> bool {
+        self.rank == self.required
+    }
+}

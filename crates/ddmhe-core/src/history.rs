@@ -1,0 +1,173 @@
+//! Recordings: validated stretches of (state, output) data of one system.
+
+use crate::error::Error;
+use crate::hankel::{BlockHankel, RankReport};
+use serde::{Deserialize, Serialize};
+
+/// One uninterrupted recording x[0..=T], y[0..T), both time-major.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub(crate) struct Recording {
+    pub x: Vec<f64>, // (T+1)·n
+    pub y: Vec<f64>, // T·p
+}
+
+/// Validated recordings of one system: the data that stand in for its model.
+///
+/// States x (n channels) and outputs y (p channels) were taken together; each recording has one more
+/// state than outputs, x[-T..0] and y[-T..-1] of Liu 2026, Section III. Several recordings may be
+/// joined with [`History::concat`]; no window ever crosses a seam.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct History {
+    n: usize,
+    p: usize,
+    dt: f64,
+    recordings: Vec<Recording>,
+}
+
+impl History {
+    /// A history of one recording.
+    ///
+    /// `x`: (T+1)·n numbers, time-major (sample k at `x[k*n..(k+1)*n]`), `y`: T·p numbers,
+    /// `dt`: sampling interval in seconds (kept for reports; the method itself needs no time unit).
+    ///
+    /// # Errors
+    /// [`Error::Shape`] when sizes do not fit, [`Error::NotFinite`], [`Error::Value`] when `dt` ≤ 0.
+    pub fn new(n: usize, p: usize, x: &[f64], y: &[f64], dt: f64) -> Result<Self, Error> {
+        if n == 0 {
+            return Err(Error::shape("x", "at least one state channel", "none"));
+        }
+        if p == 0 {
+            return Err(Error::shape("y", "at least one output channel", "none"));
+        }
+        if !(dt.is_finite() && dt > 0.0) {
+            return Err(Error::value("dt", "a positive number of seconds", dt));
+        }
+        if !x.len().is_multiple_of(n) {
+            return Err(Error::shape("x", format!("a multiple of n = {n} numbers"), x.len()));
+        }
+        if !y.len().is_multiple_of(p) {
+            return Err(Error::shape("y", format!("a multiple of p = {p} numbers"), y.len()));
+        }
+        let (rows_x, T) = (x.len() / n, y.len() / p);
+        if T == 0 {
+            return Err(Error::shape("y", "at least 1 sample", "0 samples"));
+        }
+        if rows_x != T + 1 {
+            return Err(Error::shape(
+                "x",
+                format!("{} samples, one more than y's {T}", T + 1),
+                format!("{rows_x} samples"),
+            ));
+        }
+        check_finite("x", x, n)?;
+        check_finite("y", y, p)?;
+        Ok(History { n, p, dt, recordings: vec![Recording { x: x.to_vec(), y: y.to_vec() }] })
+    }
+
+    /// Joins recordings of one system; windows never cross a seam.
+    ///
+    /// # Errors
+    /// [`Error::Shape`] when the list is empty or channel counts differ, [`Error::Value`] when `dt` differs.
+    pub fn concat(histories: &[History]) -> Result<Self, Error> {
+        let first =
+            histories.first().ok_or_else(|| Error::shape("histories", "at least one History", "an empty list"))?;
+        let mut joined = first.clone();
+        for h in &histories[1..] {
+            if (h.n, h.p) != (first.n, first.p) {
+                return Err(Error::shape(
+                    "histories",
+                    format!("n = {}, p = {} in every recording", first.n, first.p),
+                    format!("n = {}, p = {}", h.n, h.p),
+                ));
+            }
+            if (h.dt - first.dt).abs() > 1e-9 * first.dt {
+                return Err(Error::value("histories", format!("dt = {} s in every recording", first.dt), h.dt));
+            }
+            joined.recordings.extend_from_slice(&h.recordings);
+        }
+        Ok(joined)
+    }
+
+    /// The same history, checked again: for one that came from outside this process.
+    pub(crate) fn revalidated(&self) -> Result<Self, Error> {
+        let parts: Result<Vec<History>, Error> =
+            self.recordings.iter().map(|r| History::new(self.n, self.p, &r.x, &r.y, self.dt)).collect();
+        History::concat(&parts?)
+    }
+
+    /// Number of states n.
+    pub fn n(&self) -> usize {
+        self.n
+    }
+
+    /// Number of outputs p.
+    pub fn p(&self) -> usize {
+        self.p
+    }
+
+    /// Number of output samples T, over all recordings.
+    #[allow(non_snake_case)]
+    pub fn T(&self) -> usize {
+        self.recordings.iter().map(|r| r.y.len() / self.p).sum()
+    }
+
+    /// Sampling interval in seconds.
+    pub fn dt(&self) -> f64 {
+        self.dt
+    }
+
+    /// Number of recordings.
+    pub fn recordings(&self) -> usize {
+        self.recordings.len()
+    }
+
+    /// State samples of recording `i`, (Tᵢ+1)·n numbers.
+    pub fn x(&self, i: usize) -> &[f64] {
+        &self.recordings[i].x
+    }
+
+    /// Output samples of recording `i`, Tᵢ·p numbers.
+    pub fn y(&self, i: usize) -> &[f64] {
+        &self.recordings[i].y
+    }
+
+    /// The last recorded state x(0).
+    pub fn last_state(&self) -> &[f64] {
+        let x = &self.recordings[self.recordings.len() - 1].x;
+        &x[x.len() - self.n..]
+    }
+
+    /// Number N of windows of `depth` outputs and `depth` + 1 states: Σᵢ max(0, Tᵢ - depth + 1).
+    pub fn windows(&self, depth: usize) -> usize {
+        self.recordings.iter().map(|r| (r.y.len() / self.p + 1).saturating_sub(depth)).sum()
+    }
+
+    /// H_{depth+1}(x) and H_depth(y) of each recording that is long enough, without copying.
+    pub fn hankel(&self, depth: usize) -> impl Iterator<Item = (BlockHankel<'_>, BlockHankel<'_>)> {
+        self.recordings
+            .iter()
+            .filter(move |r| r.y.len() / self.p >= depth)
+            .map(move |r| (BlockHankel::new(&r.x, self.n, depth + 1), BlockHankel::new(&r.y, self.p, depth)))
+    }
+
+    /// The rank condition (7) for windows of `depth` outputs:
+    /// rank [H_1(x[0..T-depth]); 1ᵀ] = n + 1.
+    ///
+    /// # Errors
+    /// [`Error::Value`] when `depth` is 0 or no recording is that long.
+    pub fn rank(&self, depth: usize) -> Result<RankReport, Error> {
+        if depth == 0 || self.windows(depth) == 0 {
+            let longest = self.recordings.iter().map(|r| r.y.len() / self.p).max().unwrap_or(0);
+            return Err(Error::value("depth", format!("1 to {longest}, the longest recording's T"), depth));
+        }
+        Ok(RankReport::new(self, depth))
+    }
+}
+
+/// Rejects NaN and infinity, naming the place.
+pub(crate) fn check_finite(argument: &'static str, values: &[f64], width: usize) -> Result<(), Error> {
+    match values.iter().position(|v| !v.is_finite()) {
+        None => Ok(()),
+        Some(k) => Err(Error::NotFinite { argument, row: k / width, column: k % width, value: values[k] }),
+    }
+}

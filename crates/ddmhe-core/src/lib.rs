@@ -1,0 +1,66 @@
+//! Data-driven moving horizon estimation (Dd-MHE): the state of a system from its outputs and one recording, with no model.
+//!
+//! # The problem
+//! A system x(t+1) = A x(t) + e + w(t), y(t) = C x(t) + r + v(t) with A, e, C, r unknown was once recorded: states
+//! x\[-T..0\] and outputs y\[-T..-1\]. From then on only outputs are measured. By Willems' fundamental lemma every window of the
+//! noise-free system is a combination α of recorded windows with 1ᵀα = 1, so at each time t the estimator solves, over
+//! α, x̂ and v̂ and with M_t = min(t, M),
+//!
+//! > minimise 2 ρ^{M_t} ‖x̂(t-M_t) - x̄(t-M_t)‖² + Σ_{j=1..M_t} ρ^{j-1} μ ‖v̂(t-j)‖²    (17)
+//! >
+//! > subject to \[H_{M_t}(y); H_{M_t+1}(x); 1ᵀ\] α = \[y_window - v̂; x̂_window; 1\]    (16b)
+//! >
+//! > x̂ ∈ X, v̂ ∈ V    (16c, 16d)
+//!
+//! and returns x̂(t). The prior x̄ is the estimate made M_t steps ago. Equation numbers are those of
+//! X. Liu, H. Chang, F. Hui, Z. Lu, Y. Zhang, P. Huang, "Data-driven Moving Horizon Estimation for Angular Velocity of
+//! Space Noncooperative Target in Electromagnetic De-tumbling Mission", arXiv 2301.05351v3, cited as Liu 2026.
+//!
+//! # A tour
+//! Data flow from the recording to the estimate, one noun a module:
+//! `history` ([`History`]) → `hankel` ([`BlockHankel`], rank condition (7)) → [`space`] ([`TrajectorySpace`]: (16b) as mean + basis)
+//! → `window` (the problem of one depth, factored) → `mhe` ([`DdMhe`]: Algorithm 1) → `estimate` ([`Estimate`]).
+//! `qp` solves what the closed form does not and is the only file that names the solver; [`defaults`] is the rule for settings
+//! that are not given; [`tol`] holds every tolerance with its reason.
+//!
+//! # Example
+//! ```
+//! use ddmhe_core::{Config, DdMhe, History};
+//! // x(t+1) = 0.9 x(t) + 1, y = 2 x: recorded from x = 0, then watched from x = 5 through y alone
+//! let simulate = |start: f64, steps: usize| {
+//!     let x: Vec<f64> = std::iter::successors(Some(start), |x| Some(0.9 * x + 1.0)).take(steps + 1).collect();
+//!     let y: Vec<f64> = x[..steps].iter().map(|x| 2.0 * x).collect();
+//!     (x, y)
+//! };
+//! let (x, y) = simulate(0.0, 30);
+//! let history = History::new(1, 1, &x, &y, 0.1)?;
+//! let (truth, outputs) = simulate(5.0, 20);
+//! let mut mhe = DdMhe::new(&history, Config { x_prior: Some(vec![5.0]), ..Config::default() })?;
+//! for (t, y) in outputs.iter().enumerate() {
+//!     let estimate = mhe.step(&[*y])?; // x̂(t+1)
+//!     assert!((estimate.x[0] - truth[t + 1]).abs() < 1e-9);
+//! }
+//! # Ok::<(), ddmhe_core::Error>(())
+//! ```
+//!
+//! `Err` means that an input was wrong; what the optimisation found is [`Estimate::status`].
+
+pub mod defaults;
+mod error;
+mod estimate;
+mod hankel;
+mod history;
+mod mhe;
+mod qp;
+mod snapshot;
+pub mod space;
+pub mod tol;
+mod window;
+
+pub use error::Error;
+pub use estimate::{Estimate, Log};
+pub use hankel::{BlockHankel, RankReport};
+pub use history::History;
+pub use mhe::{Bounds, Center, Config, DdMhe, Settings};
+pub use qp::Status;
+pub use space::{Scaling, Space, TrajectorySpace};

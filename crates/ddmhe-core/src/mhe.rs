@@ -1,0 +1,559 @@
+//! Data-driven moving horizon estimation: Algorithm 1 of Liu 2026.
+//!
+//! At time t the window is y(t-M_t) … y(t-1) with M_t = min(t, M); the estimate is x̂(t), made from outputs up to
+//! y(t-1). The prior x̄(t-M_t) is x̄(0) while the window grows and afterwards the estimate made at that time
+//! (filtering update).
+
+use crate::defaults::Defaults;
+use crate::error::Error;
+use crate::estimate::{Estimate, Log};
+use crate::history::{History, check_finite};
+use crate::space::{Penalty, Scaling, Selection, Space, WindowStack};
+use crate::tol;
+use crate::window::{Rows, Weights, WindowProblem};
+use serde::{Deserialize, Serialize};
+
+/// A box lo ≤ · ≤ hi; infinite entries are no bounds.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Bounds {
+    /// Lower bounds, one per channel.
+    pub lo: Vec<f64>,
+    /// Upper bounds, one per channel.
+    pub hi: Vec<f64>,
+}
+
+/// What the box on the states is relative to.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+pub enum Center {
+    /// Nothing: the bounds are absolute.
+    #[default]
+    Absolute,
+    /// x_c(t) = H_x H_y† y, the window that the recording alone associates with the measured outputs
+    /// (Liu 2026, IV-A1, in affine form).
+    History,
+}
+
+/// Settings of the estimator; every `None` is set by the documented rule of [`defaults`](crate::defaults).
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+pub struct Config {
+    /// Horizon M ≥ 1.
+    pub horizon: Option<usize>,
+    /// Discount ρ in (0, 1).
+    pub rho: Option<f64>,
+    /// Noise weight μ > 0 of (17), in (unit of x / unit of y)².
+    pub mu: Option<f64>,
+    /// Prior x̄(0) (n); the last recorded state when absent.
+    pub x_prior: Option<Vec<f64>>,
+    /// Box on every state of the window (16c).
+    pub x_bounds: Option<Bounds>,
+    /// What `x_bounds` are relative to.
+    pub x_center: Center,
+    /// Box on the fitted noise (16d).
+    pub v_bounds: Option<Bounds>,
+    /// A known rest (x_e, y_e), added to the data as constant windows when the recording is noisy.
+    pub equilibrium: Option<(Vec<f64>, Vec<f64>)>,
+    /// Start with the window filled from the recording's end instead of growing it from 1 to M.
+    pub warm_start: bool,
+    /// Which windows count as trajectories.
+    pub space: Space,
+}
+
+/// The settings in force after the defaults are filled in.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Settings {
+    /// Horizon M.
+    pub horizon: usize,
+    /// Discount ρ.
+    pub rho: f64,
+    /// Noise weight μ in the units of (17).
+    pub mu: f64,
+    /// Directions kept at full depth.
+    pub rank: usize,
+    /// Weight λ on ‖a‖² (see [`space`](crate::space)), 0 for none.
+    pub lambda: f64,
+    /// Whether the equilibrium was added to the data (a noise-free recording does better without it).
+    pub equilibrium_used: bool,
+}
+
+/// The estimator.
+pub struct DdMhe {
+    history: History,
+    config: Config,
+    settings: Settings,
+    scaling: Scaling,
+    weights: Weights,
+    problems: Vec<WindowProblem>, // problems[m-1] is of depth m; with a warm start the short ones may be missing
+    spectral_radius: f64,
+    warnings: Vec<String>,
+    outputs: Vec<f64>, // y(t-M_t) … y(t-1), scaled, NaN where not measured
+    states: Vec<f64>,  // x̂(t-M_t) … x̂(t), scaled
+    t: usize,
+    estimate: Estimate,
+}
+
+impl DdMhe {
+    /// Prepares the estimator: checks every argument, fills in the defaults and factors the problems of all depths.
+    ///
+    /// # Errors
+    /// [`Error::Value`], [`Error::Shape`] or [`Error::NotFinite`] naming the setting at fault; [`Error::Rank`] when the
+    /// recording is too short for the horizon or violates the rank condition (7).
+    pub fn new(history: &History, config: Config) -> Result<Self, Error> {
+        validate(history, &config)?;
+        let scaling = Scaling::new(history)?;
+        let rule = Defaults::new(history, &scaling);
+        let unit = (scaling.s_y / scaling.s_x).powi(2); // μ in scaled units is μ·unit
+        let weights = Weights { rho: config.rho.unwrap_or(rule.rho), mu: config.mu.map_or(rule.mu, |mu| mu * unit) };
+        let horizon = config.horizon.unwrap_or(rule.horizon);
+        check_excitation(history, horizon)?;
+
+        let equilibrium_used = config.equilibrium.is_some() && rule.noisy;
+        let rest = config.equilibrium.as_ref().filter(|_| equilibrium_used).map(|(x, y)| (&x[..], &y[..]));
+        let selection = select(&config.space, &rule, weights.mu, history.n());
+        let stack = WindowStack::new(history, &scaling, horizon, rest);
+        let first = if config.warm_start { (recorded_outputs(history) + 1).min(horizon) } else { 1 };
+        let problems = (first..=horizon)
+            .map(|depth| {
+                let rows = Rows { n: history.n(), p: history.p(), depth };
+                let space = stack.space(depth, &selection);
+                WindowProblem::new(rows, space, weights, config.x_center == Center::History, None)
+                    .map_err(factorisation)
+            })
+            .collect::<Result<Vec<_>, _>>()?;
+        let deepest = &problems[problems.len() - 1];
+        let settings = Settings {
+            horizon,
+            rho: weights.rho,
+            mu: weights.mu / unit,
+            rank: deepest.space.rank(),
+            lambda: deepest.space.lambda,
+            equilibrium_used,
+        };
+        let spectral_radius = spectral_radius(deepest);
+        let mut mhe = DdMhe {
+            history: history.clone(),
+            config,
+            settings,
+            scaling,
+            weights,
+            problems,
+            spectral_radius,
+            warnings: Vec::new(),
+            outputs: Vec::new(),
+            states: Vec::new(),
+            t: 0,
+            estimate: Estimate::default(),
+        };
+        mhe.warnings = mhe.warn();
+        mhe.restart();
+        Ok(mhe)
+    }
+
+    /// Consumes y(t-1) (p numbers, NaN = this entry was not measured) and returns the estimate x̂(t).
+    ///
+    /// # Errors
+    /// [`Error::Shape`] or [`Error::NotFinite`] (infinite entry); the estimator is then unchanged.
+    pub fn step(&mut self, y: &[f64]) -> Result<&Estimate, Error> {
+        self.step_within(y, None)
+    }
+
+    /// [`step`](Self::step) with other state bounds for this step alone: lo and hi hold n numbers each, or one row per state of
+    /// the window, (M_t+1)·n with M_t = [`next_depth`](Self::next_depth).
+    ///
+    /// # Errors
+    /// As [`step`](Self::step), and for bounds of the wrong size, NaN or crossed.
+    pub fn step_within(&mut self, y: &[f64], x_bounds: Option<&Bounds>) -> Result<&Estimate, Error> {
+        check_output(y, self.history.p())?;
+        if let Some(bounds) = x_bounds {
+            let n = self.history.n();
+            check_box("x_bounds", bounds, &[n, (self.next_depth() + 1) * n])?;
+        }
+        self.advance(y, x_bounds)
+    }
+
+    /// All steps of a log `ys` (N·p, time-major): the same numbers as N calls of [`step`](Self::step).
+    ///
+    /// # Errors
+    /// As [`step`](Self::step); the whole log is checked first, so a bad row leaves the estimator unchanged.
+    pub fn run(&mut self, ys: &[f64]) -> Result<Log, Error> {
+        let p = self.history.p();
+        if !ys.len().is_multiple_of(p) {
+            return Err(Error::shape("Y", format!("a multiple of p = {p} numbers"), ys.len()));
+        }
+        check_measured("Y", ys, p)?;
+        let mut log = Log::default();
+        for y in ys.chunks_exact(p) {
+            let estimate = self.advance(y, None)?;
+            log.x.extend_from_slice(&estimate.x);
+            log.cost.push(estimate.cost);
+            log.status.push(estimate.status);
+            log.active.push(estimate.active);
+            log.iterations.push(estimate.iterations);
+        }
+        Ok(log)
+    }
+
+    /// Back to t = 0, with another prior x̄(0) (n) if given.
+    ///
+    /// # Errors
+    /// [`Error::Shape`] or [`Error::NotFinite`] for `x_prior`.
+    pub fn reset(&mut self, x_prior: Option<&[f64]>) -> Result<(), Error> {
+        if let Some(x) = x_prior {
+            check_vector("x_prior", x, self.history.n())?;
+            self.config.x_prior = Some(x.to_vec());
+        }
+        self.restart();
+        Ok(())
+    }
+
+    /// Number of states n.
+    pub fn n(&self) -> usize {
+        self.history.n()
+    }
+
+    /// Number of outputs p.
+    pub fn p(&self) -> usize {
+        self.history.p()
+    }
+
+    /// The settings in force.
+    pub fn settings(&self) -> &Settings {
+        &self.settings
+    }
+
+    /// The configuration that was asked for.
+    pub fn config(&self) -> &Config {
+        &self.config
+    }
+
+    /// Steps taken since the start or the last reset.
+    pub fn t(&self) -> usize {
+        self.t
+    }
+
+    /// Depth M_t of the next step's window.
+    pub fn next_depth(&self) -> usize {
+        (self.outputs.len() / self.history.p() + 1).min(self.settings.horizon)
+    }
+
+    /// Spectral radius of the map x̄(t-M) → x̂(t) without new information: above 1 errors grow.
+    pub fn spectral_radius(&self) -> f64 {
+        self.spectral_radius
+    }
+
+    /// What a user should know about these settings, in words.
+    pub fn warnings(&self) -> &[String] {
+        &self.warnings
+    }
+
+    /// The latest estimate (empty before the first step).
+    pub fn estimate(&self) -> &Estimate {
+        &self.estimate
+    }
+
+    /// The recording behind the estimator.
+    pub fn history(&self) -> &History {
+        &self.history
+    }
+
+    /// Scaled outputs and states of the current window.
+    pub(crate) fn window(&self) -> (&[f64], &[f64]) {
+        (&self.outputs, &self.states)
+    }
+
+    /// Continues from a saved window.
+    pub(crate) fn resume(&mut self, outputs: Vec<f64>, states: Vec<f64>, t: usize) -> Result<(), Error> {
+        let samples = outputs.len() / self.p();
+        let fits = samples <= self.settings.horizon
+            && outputs.len() == samples * self.p()
+            && states.len() == (samples + 1) * self.n();
+        if !fits || samples < self.problems[0].rows.depth - 1 {
+            return Err(Error::value("blob", "a window that fits the horizon", format!("{samples} samples")));
+        }
+        check_measured("blob", &outputs, self.p())?;
+        check_finite("blob", &states, self.n())?;
+        (self.outputs, self.states, self.t) = (outputs, states, t);
+        Ok(())
+    }
+
+    fn restart(&mut self) {
+        let (n, p) = (self.history.n(), self.history.p());
+        self.t = 0;
+        self.estimate = Estimate::default();
+        let last = self.history.recordings() - 1;
+        let filled =
+            if self.config.warm_start { recorded_outputs(&self.history).min(self.settings.horizon) } else { 0 };
+        let (x, y) = (self.history.x(last), self.history.y(last));
+        self.outputs = y[y.len() - filled * p..].iter().map(|v| v / self.scaling.s_y).collect();
+        self.states = x[x.len() - (filled + 1) * n..].iter().map(|v| v / self.scaling.s_x).collect();
+        if let Some(prior) = &self.config.x_prior {
+            let start = self.states.len() - n;
+            self.states[start..].iter_mut().zip(prior).for_each(|(s, v)| *s = v / self.scaling.s_x);
+        }
+    }
+
+    /// One pass of Algorithm 1's loop, on checked input.
+    fn advance(&mut self, y: &[f64], x_bounds: Option<&Bounds>) -> Result<&Estimate, Error> {
+        let (n, p) = (self.history.n(), self.history.p());
+        let depth = self.next_depth();
+        if self.outputs.len() == depth * p {
+            self.outputs.drain(..p);
+            self.states.drain(..n);
+        }
+        self.outputs.extend(y.iter().map(|v| v / self.scaling.s_y));
+
+        // f = [x̄(t-M_t); y(t-M_t) … y(t-1)]
+        let f: Vec<f64> =
+            self.states[..n].iter().chain(&self.outputs).map(|&v| if v.is_nan() { 0.0 } else { v }).collect();
+        let first = self.problems[0].rows.depth;
+        let mut reduced = self.without_missing(depth)?;
+        let problem = reduced.as_mut().unwrap_or(&mut self.problems[depth - first]);
+        let center = problem.centre(&f[n..]);
+        let box_x = x_bounds.or(self.config.x_bounds.as_ref());
+        let (lo, hi) =
+            limits(problem.rows, &self.scaling, box_x, center.as_deref(), self.config.v_bounds.as_ref(), &self.outputs);
+        let solution = problem.solve(&f, &lo, &hi);
+
+        let (s_x, s_y) = (self.scaling.s_x, self.scaling.s_y);
+        let (rows, w) = (problem.rows, &solution.window);
+        let estimate = &mut self.estimate;
+        estimate.window.clear();
+        estimate.window.extend((0..=depth).flat_map(|k| rows.x(k)).map(|i| w[i] * s_x));
+        estimate.v.clear();
+        estimate.v.extend((0..depth).flat_map(|k| rows.y(k)).zip(&self.outputs).map(|(i, y)| (y - w[i]) * s_y));
+        estimate.x.clear();
+        estimate.x.extend_from_slice(&estimate.window[depth * n..]);
+        estimate.cost = cost(&self.settings, depth, p, &estimate.window[..n], &f[..n], s_x, &estimate.v);
+        (estimate.status, estimate.active, estimate.iterations) =
+            (solution.status, solution.active, solution.iterations);
+        self.states.extend(rows.x(depth).map(|i| w[i]));
+        self.t += 1;
+        Ok(&self.estimate)
+    }
+
+    /// The problem without the outputs that were not measured; None when all were.
+    fn without_missing(&self, depth: usize) -> Result<Option<WindowProblem>, Error> {
+        if self.outputs.iter().all(|v| v.is_finite()) {
+            return Ok(None);
+        }
+        let measured: Vec<bool> = self.outputs.iter().map(|v| v.is_finite()).collect();
+        let full = &self.problems[depth - self.problems[0].rows.depth];
+        let centered = self.config.x_center == Center::History;
+        WindowProblem::new(full.rows, full.space.clone(), self.weights, centered, Some(&measured))
+            .map(Some)
+            .map_err(factorisation)
+    }
+
+    fn warn(&self) -> Vec<String> {
+        let mut warnings = Vec::new();
+        // also true for NaN, which no finite data should give
+        if self.spectral_radius.is_nan() || self.spectral_radius > tol::SPECTRAL_RADIUS {
+            warnings.push(format!(
+                "the map from prior to estimate has spectral radius {:.4} (limit {}): estimation errors may grow; try another horizon, a larger mu or a smaller rank",
+                self.spectral_radius,
+                tol::SPECTRAL_RADIUS
+            ));
+        }
+        if self.config.equilibrium.is_some() && !self.settings.equilibrium_used {
+            warnings.push("equilibrium: not used, the recording shows no noise and is more accurate without it".into());
+        }
+        warnings
+    }
+}
+
+/// Outputs in the last recording.
+fn recorded_outputs(history: &History) -> usize {
+    history.y(history.recordings() - 1).len() / history.p()
+}
+
+/// The chosen space in normalised units.
+fn select(space: &Space, rule: &Defaults, mu: f64, n: usize) -> Selection {
+    match *space {
+        Space::Auto => rule.selection(mu),
+        Space::Exact => Selection { rank: None, tol: None, penalty: Penalty::None },
+        Space::Truncated { rank: None, tol: None } => Selection { rank: Some(n), tol: None, penalty: Penalty::None },
+        Space::Truncated { rank, tol } => Selection { rank, tol, penalty: Penalty::None },
+        Space::Ridge { weight } => Selection { rank: None, tol: None, penalty: Penalty::Alpha(weight) },
+    }
+}
+
+/// Bounds on every row of the window, in scaled units.
+fn limits(
+    rows: Rows,
+    scaling: &Scaling,
+    x: Option<&Bounds>,
+    center: Option<&[f64]>,
+    v: Option<&Bounds>,
+    outputs: &[f64],
+) -> (Vec<f64>, Vec<f64>) {
+    let mut lo = vec![f64::NEG_INFINITY; rows.len()];
+    let mut hi = vec![f64::INFINITY; rows.len()];
+    if let Some(bounds) = x {
+        let len = bounds.lo.len();
+        for (k, row) in (0..=rows.depth).flat_map(|k| rows.x(k)).enumerate() {
+            let offset = center.map_or(0.0, |c| c[row]);
+            lo[row] = offset + bounds.lo[k % len] / scaling.s_x;
+            hi[row] = offset + bounds.hi[k % len] / scaling.s_x;
+        }
+    }
+    if let Some(bounds) = v {
+        // v = y - ŷ in [lo, hi]  ⇔  ŷ in [y - hi, y - lo]
+        let measured =
+            (0..rows.depth).flat_map(|k| rows.y(k)).zip(outputs).enumerate().filter(|(_, (_, y))| y.is_finite());
+        for (k, (row, y)) in measured {
+            lo[row] = y - bounds.hi[k % rows.p] / scaling.s_y;
+            hi[row] = y - bounds.lo[k % rows.p] / scaling.s_y;
+        }
+    }
+    (lo, hi)
+}
+
+/// Cost (17): 2ρ^m ‖x̂(0) - x̄‖² + Σ_j ρ^{j-1} μ ‖v(t-j)‖², in the units of x².
+fn cost(settings: &Settings, depth: usize, p: usize, x_0: &[f64], prior: &[f64], s_x: f64, v: &[f64]) -> f64 {
+    let arrival: f64 = x_0.iter().zip(prior).map(|(x, x_bar)| (x - x_bar * s_x).powi(2)).sum();
+    let noise: f64 = v
+        .chunks_exact(p)
+        .enumerate()
+        .map(|(k, v)| {
+            settings.rho.powi((depth - 1 - k) as i32) * v.iter().filter(|v| v.is_finite()).map(|v| v * v).sum::<f64>()
+        })
+        .sum();
+    2.0 * settings.rho.powi(depth as i32) * arrival + settings.mu * noise
+}
+
+fn spectral_radius(problem: &WindowProblem) -> f64 {
+    // An eigenvalue iteration that fails (never seen on finite data) must not pass as stable.
+    problem
+        .prior_to_estimate()
+        .eigenvalues()
+        .map_or(f64::NAN, |values| values.iter().map(|z| z.norm()).fold(0.0, f64::max))
+}
+
+fn factorisation(_: faer::linalg::solvers::SvdError) -> Error {
+    Error::rank(
+        "history",
+        "data whose singular values can be computed",
+        "data on which the decomposition does not converge",
+    )
+}
+
+/// Every setting alone, before anything is computed.
+fn validate(history: &History, config: &Config) -> Result<(), Error> {
+    let (n, p) = (history.n(), history.p());
+    if let Some(rho) = config.rho
+        && !(rho > 0.0 && rho < 1.0)
+    {
+        return Err(Error::value("rho", "a number in (0, 1)", rho));
+    }
+    if let Some(mu) = config.mu
+        && !(mu > 0.0 && mu.is_finite())
+    {
+        return Err(Error::value("mu", "a positive finite number", mu));
+    }
+    if config.horizon == Some(0) {
+        return Err(Error::value("horizon", "at least 1", 0));
+    }
+    match config.space {
+        Space::Truncated { rank: Some(0), .. } => {
+            return Err(Error::value("space", "Truncated with rank at least 1", 0));
+        }
+        Space::Truncated { tol: Some(tol), .. } if !(0.0..1.0).contains(&tol) => {
+            return Err(Error::value("space", "Truncated with tol in [0, 1)", tol));
+        }
+        Space::Ridge { weight } if !(weight > 0.0 && weight.is_finite()) => {
+            return Err(Error::value("space", "Ridge with a positive finite weight", weight));
+        }
+        _ => {}
+    }
+    if let Some(x) = &config.x_prior {
+        check_vector("x_prior", x, n)?;
+    }
+    if let Some(bounds) = &config.x_bounds {
+        check_box("x_bounds", bounds, &[n])?;
+    }
+    if let Some(bounds) = &config.v_bounds {
+        check_box("v_bounds", bounds, &[p])?;
+    }
+    if let Some((x, y)) = &config.equilibrium {
+        check_vector("equilibrium", x, n)?;
+        check_vector("equilibrium", y, p)?;
+    }
+    Ok(())
+}
+
+/// Length and rank condition of Lemma 1: T ≥ M + n and (7).
+fn check_excitation(history: &History, horizon: usize) -> Result<(), Error> {
+    let n = history.n();
+    if history.windows(horizon) < n + 1 {
+        let longest = (1..=history.T()).rev().find(|&m| history.windows(m) > n);
+        return Err(match longest {
+            Some(m) => Error::value(
+                "horizon",
+                format!(
+                    "1 to {m}: a recording of T = {} outputs and n = {n} states has n + 1 windows of that length",
+                    history.T()
+                ),
+                horizon,
+            ),
+            None => Error::rank("history", format!("at least n + 1 = {} outputs", n + 1), history.T()),
+        });
+    }
+    let report = history.rank(horizon)?;
+    if !report.satisfied() {
+        return Err(Error::rank(
+            "history",
+            format!("states that span rank n + 1 = {} with the ones row (7)", report.required),
+            format!(
+                "rank {}: some combination of the states never changes; record a richer motion or drop a state",
+                report.rank
+            ),
+        ));
+    }
+    Ok(())
+}
+
+fn check_vector(argument: &'static str, x: &[f64], len: usize) -> Result<(), Error> {
+    if x.len() != len {
+        return Err(Error::shape(argument, format!("{len} numbers"), x.len()));
+    }
+    check_finite(argument, x, len)
+}
+
+/// Sizes, no NaN, lo ≤ hi, and neither side beyond reach.
+fn check_box(argument: &'static str, bounds: &Bounds, lengths: &[usize]) -> Result<(), Error> {
+    for side in [&bounds.lo, &bounds.hi] {
+        if !lengths.contains(&side.len()) || side.len() != bounds.lo.len() {
+            let allowed: Vec<String> = lengths.iter().map(ToString::to_string).collect();
+            return Err(Error::shape(
+                argument,
+                format!("{} numbers in lo and in hi", allowed.join(" or ")),
+                side.len(),
+            ));
+        }
+    }
+    for (i, (&lo, &hi)) in bounds.lo.iter().zip(&bounds.hi).enumerate() {
+        let crossed = !(lo <= hi) || lo == f64::INFINITY || hi == f64::NEG_INFINITY;
+        if crossed {
+            return Err(Error::value(
+                argument,
+                "lo <= hi in every entry",
+                format!("lo = {lo}, hi = {hi} in entry {i}"),
+            ));
+        }
+    }
+    Ok(())
+}
+
+fn check_output(y: &[f64], p: usize) -> Result<(), Error> {
+    if y.len() != p {
+        return Err(Error::shape("y", format!("{p} numbers"), y.len()));
+    }
+    check_measured("y", y, p)
+}
+
+/// NaN means "not measured"; infinity is an error.
+fn check_measured(argument: &'static str, y: &[f64], p: usize) -> Result<(), Error> {
+    match y.iter().position(|v| v.is_infinite()) {
+        None => Ok(()),
+        Some(k) => Err(Error::NotFinite { argument, row: k / p, column: k % p, value: y[k] }),
+    }
+}

@@ -1,0 +1,152 @@
+//! `ddmhe.History`.
+
+use crate::convert::{Numbers, ShapeError, array1, array2, raise};
+use numpy::{PyArray1, PyArray2};
+use pyo3::prelude::*;
+
+/// Recordings of one system: the data that stand in for its model (Liu 2026, Section III).
+///
+/// Parameters
+/// ----------
+/// x : array (T+1, n)
+///     Recorded states, one row per sample, in any unit.
+/// y : array (T, p)
+///     Recorded outputs; x[k] and y[k] were taken together, x has one more sample.
+/// dt : float
+///     Sampling interval in seconds. Kept for reports: the method itself needs no unit of time.
+///
+/// Raises
+/// ------
+/// ShapeError, NotFiniteError, DdmheError
+///     Wrong shapes; NaN or infinity; dt <= 0.
+#[pyclass(module = "ddmhe", frozen, name = "History")]
+pub struct History {
+    pub core: ddmhe_core::History,
+}
+
+/// One recording as arrays x (T_i+1, n) and y (T_i, p).
+type Signals<'py> = (Bound<'py, PyArray2<f64>>, Bound<'py, PyArray2<f64>>);
+
+#[pymethods]
+impl History {
+    #[new]
+    #[pyo3(signature = (x, y, dt=1.0))]
+    fn new(x: &Bound<'_, PyAny>, y: &Bound<'_, PyAny>, dt: f64) -> PyResult<Self> {
+        let (x, _, n) = Numbers::matrix("x", x, "(T+1, n)")?;
+        let (y, _, p) = Numbers::matrix("y", y, "(T, p)")?;
+        Ok(History { core: ddmhe_core::History::new(n, p, &x, &y, dt).map_err(raise)? })
+    }
+
+    /// Join several recordings of one system; no window ever crosses a seam.
+    #[staticmethod]
+    fn concat(histories: &Bound<'_, PyAny>) -> PyResult<Self> {
+        let mut cores = Vec::new();
+        for item in histories.try_iter()? {
+            let item = item?;
+            let history = item.cast::<History>().map_err(|_| {
+                ShapeError::new_err(format!("histories: expected a list of History, found {}", item.get_type()))
+            })?;
+            cores.push(history.get().core.clone());
+        }
+        Ok(History { core: ddmhe_core::History::concat(&cores).map_err(raise)? })
+    }
+
+    /// Number of states.
+    #[getter]
+    fn n(&self) -> usize {
+        self.core.n()
+    }
+
+    /// Number of outputs.
+    #[getter]
+    fn p(&self) -> usize {
+        self.core.p()
+    }
+
+    /// Number of output samples, over all recordings.
+    #[getter]
+    #[allow(non_snake_case)]
+    fn T(&self) -> usize {
+        self.core.T()
+    }
+
+    /// Sampling interval in seconds.
+    #[getter]
+    fn dt(&self) -> f64 {
+        self.core.dt()
+    }
+
+    /// The recordings as a list of (x, y) arrays of shapes (T_i+1, n) and (T_i, p); copies.
+    #[getter]
+    fn recordings<'py>(&self, py: Python<'py>) -> PyResult<Vec<Signals<'py>>> {
+        let core = &self.core;
+        let pair = |i| Ok((array2(py, core.x(i).to_vec(), core.n())?, array2(py, core.y(i).to_vec(), core.p())?));
+        (0..core.recordings()).map(pair).collect()
+    }
+
+    /// The rank condition (7) for windows of `depth` outputs.
+    fn rank(&self, depth: usize) -> PyResult<RankReport> {
+        Ok(RankReport { core: self.core.rank(depth).map_err(raise)? })
+    }
+
+    fn __repr__(&self) -> String {
+        let (n, p, T, dt, k) = (self.core.n(), self.core.p(), self.core.T(), self.core.dt(), self.core.recordings());
+        let joined = if k > 1 { format!(", {k} recordings") } else { String::new() };
+        format!("History(n={n}, p={p}, T={T}, dt={dt}{joined})")
+    }
+}
+
+/// Outcome of the rank condition (7): rank [H_1(x[0..T-L]); 1ᵀ] = n + 1.
+#[pyclass(module = "ddmhe", frozen, name = "RankReport")]
+pub struct RankReport {
+    core: ddmhe_core::RankReport,
+}
+
+#[pymethods]
+impl RankReport {
+    /// Numerical rank.
+    #[getter]
+    fn rank(&self) -> usize {
+        self.core.rank
+    }
+
+    /// n + 1.
+    #[getter]
+    fn required(&self) -> usize {
+        self.core.required
+    }
+
+    /// Whether the condition holds.
+    #[getter]
+    fn satisfied(&self) -> bool {
+        self.core.satisfied()
+    }
+
+    /// Singular values, largest first, with each state channel divided by its largest magnitude.
+    #[getter]
+    fn singular_values<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        array1(py, &self.core.singular_values)
+    }
+
+    /// Threshold below which a singular value is rounding.
+    #[getter]
+    fn tolerance(&self) -> f64 {
+        self.core.tolerance
+    }
+
+    /// σ_{n+1}/σ_1: the relative perturbation of the recording that would break the condition.
+    #[getter]
+    fn margin(&self) -> f64 {
+        self.core.margin
+    }
+
+    fn __repr__(&self) -> String {
+        format!(
+            "RankReport(rank={}, required={}, satisfied={}, margin={:.3e})",
+            self.core.rank,
+            self.core.required,
+            if self.core.satisfied() { "True" } else { "False" },
+            self.core.margin
+        )
+    }
+}

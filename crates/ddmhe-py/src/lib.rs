@@ -1,0 +1,21 @@
+//! Python bindings of `ddmhe-core`: arrays in and out, errors to exceptions, no mathematics.
+
+mod convert;
+mod history;
+mod mhe;
+mod spaces;
+
+use pyo3::prelude::*;
+
+/// The compiled core; import `ddmhe` instead.
+#[pymodule]
+mod _core {
+    #[pymodule_export]
+    use crate::convert::{DdmheError, InfeasibleError, ModelViolationError, NotFiniteError, RankError, ShapeError};
+    #[pymodule_export]
+    use crate::history::{History, RankReport};
+    #[pymodule_export]
+    use crate::mhe::{DdMhe, Estimate, Log};
+    #[pymodule_export]
+    use crate::spaces::{Exact, Ridge, Truncated};
+}

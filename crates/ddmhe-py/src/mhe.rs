@@ -1,0 +1,339 @@
+//! `ddmhe.DdMhe`, `ddmhe.Estimate`, `ddmhe.Log`.
+
+use crate::convert::{DdmheError, Numbers, ShapeError, array1, array2, bounds, raise};
+use crate::history::History;
+use crate::spaces;
+use ddmhe_core::{Bounds, Center, Config, Space};
+use numpy::{PyArray1, PyArray2, PyArrayMethods};
+use pyo3::prelude::*;
+use pyo3::types::PyBytes;
+
+/// Data-driven moving horizon estimation (Liu 2026, (16), (17), Algorithm 1).
+///
+/// Each setting left at None is set by the documented default rule from the recording alone.
+///
+/// Parameters
+/// ----------
+/// history : History
+///     The recording that stands in for the model.
+/// horizon : int, optional
+///     Horizon M: outputs in the full window.
+/// rho : float in (0, 1), optional
+///     Discount per sample.
+/// mu : float > 0, optional
+///     Weight on the fitted noise, as in (17): unit (unit of x / unit of y)**2.
+/// x_prior : array (n,), optional
+///     Prior state at t = 0; default the last recorded state.
+/// x_bounds : (lo, hi), optional
+///     Box on every state of the window; each side a scalar or (n,); infinite = no bound.
+/// x_center : None or "history"
+///     None: x_bounds are absolute. "history": relative to x_c(t), the window that the recording alone
+///     associates with the measured outputs (IV-A1, affine form).
+/// v_bounds : (lo, hi), optional
+///     Box on the fitted noise; each side a scalar or (p,).
+/// equilibrium : (x_e, y_e), optional
+///     A known rest of the system, added to the data as constant windows if the recording is noisy.
+/// warm_start : bool
+///     False: the window grows from 1 to M. True: it starts filled from the recording's end.
+/// space : "auto" | Exact() | Truncated(rank, tol) | Ridge(weight)
+///     Which windows count as trajectories of the system.
+///
+/// Raises
+/// ------
+/// ShapeError, NotFiniteError, RankError, DdmheError
+///     One clear error naming the argument. What the optimisation finds is never an error: see Estimate.status.
+#[pyclass(module = "ddmhe", name = "DdMhe")]
+pub struct DdMhe {
+    core: ddmhe_core::DdMhe,
+}
+
+#[pymethods]
+impl DdMhe {
+    #[new]
+    #[pyo3(
+        signature = (history, horizon=None, rho=None, mu=None, x_prior=None, x_bounds=None, x_center=None, v_bounds=None, equilibrium=None, warm_start=false, space=None),
+        text_signature = "(history, horizon=None, rho=None, mu=None, x_prior=None, x_bounds=None, x_center=None, v_bounds=None, equilibrium=None, warm_start=False, space='auto')"
+    )]
+    #[allow(clippy::too_many_arguments)]
+    fn new(
+        py: Python<'_>,
+        history: &Bound<'_, PyAny>,
+        horizon: Option<&Bound<'_, PyAny>>,
+        rho: Option<f64>,
+        mu: Option<f64>,
+        x_prior: Option<&Bound<'_, PyAny>>,
+        x_bounds: Option<&Bound<'_, PyAny>>,
+        x_center: Option<&Bound<'_, PyAny>>,
+        v_bounds: Option<&Bound<'_, PyAny>>,
+        equilibrium: Option<&Bound<'_, PyAny>>,
+        warm_start: bool,
+        space: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<Self> {
+        let history = history
+            .cast::<History>()
+            .map_err(|_| DdmheError::new_err(format!("history: expected a History, found {}", history.get_type())))?
+            .get();
+        let (n, p) = (history.core.n(), history.core.p());
+        let config = Config {
+            horizon: horizon.map(whole).transpose()?,
+            rho,
+            mu,
+            x_prior: x_prior.map(|v| Numbers::vector("x_prior", v, n)).transpose()?,
+            x_bounds: x_bounds.map(|v| bounds("x_bounds", v, n, None)).transpose()?,
+            x_center: x_center.map_or(Ok(Center::Absolute), center)?,
+            v_bounds: v_bounds.map(|v| bounds("v_bounds", v, p, None)).transpose()?,
+            equilibrium: equilibrium.map(|v| rest(v, n, p)).transpose()?,
+            warm_start,
+            space: space.map_or(Ok(Space::Auto), spaces::space)?,
+        };
+        let core = py.detach(|| ddmhe_core::DdMhe::new(&history.core, config)).map_err(raise)?;
+        Ok(DdMhe { core })
+    }
+
+    /// Consume y(t-1) and estimate x(t), at step number t.
+    ///
+    /// y_t : array (p,), NaN where this entry was not measured.
+    /// x_bounds : (lo, hi) for this step alone; each side a scalar, (n,), or one row per state of the window (M_t+1, n).
+    #[pyo3(signature = (y_t, x_bounds=None))]
+    fn step(
+        &mut self,
+        py: Python<'_>,
+        y_t: &Bound<'_, PyAny>,
+        x_bounds: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<Estimate> {
+        let (n, p) = (self.core.n(), self.core.p());
+        let limits: Option<Bounds> =
+            x_bounds.map(|v| bounds("x_bounds", v, n, Some(self.core.next_depth()))).transpose()?;
+        let y = match y_t.cast::<PyArray1<f64>>() {
+            Ok(array) if array.len()? == p => array.try_readonly()?.as_array().to_vec(),
+            _ => Numbers::vector("y_t", y_t, p)?,
+        };
+        let estimate = self.core.step_within(&y, limits.as_ref()).map_err(raise)?;
+        Estimate::new(py, estimate, n, p)
+    }
+
+    /// Estimate over a whole log Y (N, p), with the GIL released: the same numbers as N calls of step.
+    #[allow(non_snake_case)]
+    fn run(&mut self, py: Python<'_>, Y: &Bound<'_, PyAny>) -> PyResult<Log> {
+        let (data, _, columns) = Numbers::matrix("Y", Y, "(N, p)")?;
+        let (n, p) = (self.core.n(), self.core.p());
+        if columns != p {
+            return Err(ShapeError::new_err(format!("Y: expected {p} columns, found {columns}")));
+        }
+        let log = py.detach(|| self.core.run(&data)).map_err(raise)?;
+        Log::new(py, log, n)
+    }
+
+    /// Back to t = 0, with another prior state if given.
+    #[pyo3(signature = (x_prior=None))]
+    fn reset(&mut self, x_prior: Option<&Bound<'_, PyAny>>) -> PyResult<()> {
+        let prior = x_prior.map(|v| Numbers::vector("x_prior", v, self.core.n())).transpose()?;
+        self.core.reset(prior.as_deref()).map_err(raise)
+    }
+
+    /// The estimator with its recording and its window as bytes; see restore.
+    fn snapshot<'py>(&self, py: Python<'py>) -> Bound<'py, PyBytes> {
+        PyBytes::new(py, &self.core.snapshot())
+    }
+
+    /// The estimator that snapshot saved; its next steps give the same numbers.
+    #[staticmethod]
+    fn restore(blob: &Bound<'_, PyAny>) -> PyResult<Self> {
+        let bytes = blob.cast::<PyBytes>().map_err(|_| {
+            DdmheError::new_err(format!("blob: expected bytes made by snapshot, found {}", blob.get_type()))
+        })?;
+        Ok(DdMhe { core: ddmhe_core::DdMhe::restore(bytes.as_bytes()).map_err(raise)? })
+    }
+
+    /// Number of states.
+    #[getter]
+    fn n(&self) -> usize {
+        self.core.n()
+    }
+
+    /// Number of outputs.
+    #[getter]
+    fn p(&self) -> usize {
+        self.core.p()
+    }
+
+    /// Horizon M in force.
+    #[getter]
+    fn horizon(&self) -> usize {
+        self.core.settings().horizon
+    }
+
+    /// Discount in force.
+    #[getter]
+    fn rho(&self) -> f64 {
+        self.core.settings().rho
+    }
+
+    /// Noise weight in force, in the units of (17).
+    #[getter]
+    fn mu(&self) -> f64 {
+        self.core.settings().mu
+    }
+
+    /// The trajectory space that was asked for.
+    #[getter]
+    fn space<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        spaces::to_python(py, self.core.config().space)
+    }
+
+    /// Directions of the trajectory space at full depth.
+    #[getter]
+    fn rank(&self) -> usize {
+        self.core.settings().rank
+    }
+
+    /// Weight on the normalised ||a||**2 = N ||alpha||**2 - 1, in units of the states' variance; 0 for none.
+    #[getter]
+    fn ridge(&self) -> f64 {
+        self.core.settings().lambda
+    }
+
+    /// Steps since the start or the last reset.
+    #[getter]
+    fn t(&self) -> usize {
+        self.core.t()
+    }
+
+    /// Depth M_t of the next step's window.
+    #[getter]
+    fn next_depth(&self) -> usize {
+        self.core.next_depth()
+    }
+
+    /// Spectral radius of the map prior -> estimate without new information; above 1 errors grow.
+    #[getter]
+    fn spectral_radius(&self) -> f64 {
+        self.core.spectral_radius()
+    }
+
+    /// What to know about these settings, in words.
+    #[getter]
+    fn warnings(&self) -> Vec<String> {
+        self.core.warnings().to_vec()
+    }
+
+    fn __repr__(&self) -> String {
+        let s = self.core.settings();
+        format!(
+            "DdMhe(horizon={}, rho={:.4}, mu={:.4e}, rank={}, ridge={:.3e}, t={})",
+            s.horizon,
+            s.rho,
+            s.mu,
+            s.rank,
+            s.lambda,
+            self.core.t()
+        )
+    }
+}
+
+fn whole(value: &Bound<'_, PyAny>) -> PyResult<usize> {
+    let wrong = || DdmheError::new_err(format!("horizon: expected a whole number of at least 1, found {value}"));
+    let number: i64 = value.extract().map_err(|_| wrong())?;
+    usize::try_from(number).ok().filter(|&m| m > 0).ok_or_else(wrong)
+}
+
+fn center(value: &Bound<'_, PyAny>) -> PyResult<Center> {
+    if value.extract::<String>().is_ok_and(|s| s == "history") {
+        return Ok(Center::History);
+    }
+    Err(DdmheError::new_err(format!("x_center: expected None or \"history\", found {}", value.repr()?)))
+}
+
+fn rest(value: &Bound<'_, PyAny>, n: usize, p: usize) -> PyResult<(Vec<f64>, Vec<f64>)> {
+    let wrong = || ShapeError::new_err("equilibrium: expected a pair (x_e, y_e)");
+    let sides: Vec<Bound<'_, PyAny>> = value.try_iter().map_err(|_| wrong())?.collect::<PyResult<_>>()?;
+    let [x, y] = &sides[..] else { return Err(wrong()) };
+    Ok((Numbers::vector("equilibrium", x, n)?, Numbers::vector("equilibrium", y, p)?))
+}
+
+/// The estimate of one step, with its evidence.
+#[pyclass(module = "ddmhe", frozen, name = "Estimate")]
+pub struct Estimate {
+    /// Estimated state (n,), from outputs up to y(t-1).
+    #[pyo3(get)]
+    x: Py<PyArray1<f64>>,
+    /// The whole estimated window (M_t+1, n), oldest first; window[-1] equals x.
+    #[pyo3(get)]
+    window: Py<PyArray2<f64>>,
+    /// Fitted noise (M_t, p); NaN where nothing was measured.
+    #[pyo3(get)]
+    v: Py<PyArray2<f64>>,
+    /// Cost (17) at the estimate.
+    #[pyo3(get)]
+    cost: f64,
+    /// "optimal", "almost_optimal", "infeasible" or "failed"; in the last two x is the unconstrained minimiser's.
+    #[pyo3(get)]
+    status: &'static str,
+    /// Number of bounds that the window touches.
+    #[pyo3(get)]
+    active: usize,
+    /// Solver iterations; 0 when the closed form satisfied every bound and no solver ran.
+    #[pyo3(get)]
+    iterations: u32,
+}
+
+impl Estimate {
+    fn new(py: Python<'_>, e: &ddmhe_core::Estimate, n: usize, p: usize) -> PyResult<Self> {
+        Ok(Estimate {
+            x: array1(py, &e.x).unbind(),
+            window: array2(py, e.window.clone(), n)?.unbind(),
+            v: array2(py, e.v.clone(), p)?.unbind(),
+            cost: e.cost,
+            status: e.status.as_str(),
+            active: e.active,
+            iterations: e.iterations,
+        })
+    }
+}
+
+#[pymethods]
+impl Estimate {
+    fn __repr__(&self, py: Python<'_>) -> String {
+        format!(
+            "Estimate(x={}, status='{}', cost={:.4e}, active={})",
+            self.x.bind(py),
+            self.status,
+            self.cost,
+            self.active
+        )
+    }
+}
+
+/// The estimates of a whole run; row k belongs to step k+1 of it.
+#[pyclass(module = "ddmhe", frozen, name = "Log")]
+pub struct Log {
+    /// Estimated states (N, n).
+    #[pyo3(get)]
+    x: Py<PyArray2<f64>>,
+    /// Cost (17) of each step (N,).
+    #[pyo3(get)]
+    cost: Py<PyArray1<f64>>,
+    /// Status of each step (N,), strings.
+    #[pyo3(get)]
+    status: Py<PyAny>,
+    /// Number of touched bounds of each step (N,).
+    #[pyo3(get)]
+    active: Py<PyArray1<i64>>,
+    /// Solver iterations of each step (N,); 0 = closed form.
+    #[pyo3(get)]
+    iterations: Py<PyArray1<i64>>,
+}
+
+impl Log {
+    fn new(py: Python<'_>, log: ddmhe_core::Log, n: usize) -> PyResult<Self> {
+        let words: Vec<&str> = log.status.iter().map(|s| s.as_str()).collect();
+        let whole = |values: Vec<i64>| PyArray1::from_vec(py, values).unbind();
+        Ok(Log {
+            x: array2(py, log.x, n)?.unbind(),
+            cost: array1(py, &log.cost).unbind(),
+            status: py.import("numpy")?.call_method1("array", (words, "U16"))?.unbind(),
+            active: whole(log.active.iter().map(|&a| a as i64).collect()),
+            iterations: whole(log.iterations.iter().map(|&i| i64::from(i)).collect()),
+        })
+    }
+}

@@ -1,0 +1,108 @@
+//! `ddmhe.Exact`, `ddmhe.Truncated`, `ddmhe.Ridge`.
+
+use crate::convert::DdmheError;
+use ddmhe_core::Space;
+use pyo3::IntoPyObjectExt;
+use pyo3::prelude::*;
+
+/// Every direction above rounding level: the equality (16b) as printed, with the least-norm alpha.
+#[pyclass(module = "ddmhe", frozen, eq, hash, name = "Exact")]
+#[derive(PartialEq, Hash)]
+pub struct Exact;
+
+#[pymethods]
+impl Exact {
+    #[new]
+    fn new() -> Self {
+        Exact
+    }
+
+    fn __repr__(&self) -> &'static str {
+        "Exact()"
+    }
+}
+
+/// The strongest directions only.
+///
+/// Parameters
+/// ----------
+/// rank : int, optional
+///     Largest number of directions; windows too short for it keep what they have.
+/// tol : float, optional
+///     Relative singular value below which a direction is dropped.
+///
+/// With neither given: rank n, the dimension that noise-free linear data have.
+#[pyclass(module = "ddmhe", frozen, eq, name = "Truncated")]
+#[derive(PartialEq)]
+pub struct Truncated {
+    #[pyo3(get)]
+    rank: Option<usize>,
+    #[pyo3(get)]
+    tol: Option<f64>,
+}
+
+#[pymethods]
+impl Truncated {
+    #[new]
+    #[pyo3(signature = (rank=None, tol=None))]
+    fn new(rank: Option<usize>, tol: Option<f64>) -> Self {
+        Truncated { rank, tol }
+    }
+
+    fn __repr__(&self) -> String {
+        let mut parts = Vec::new();
+        parts.extend(self.rank.map(|r| format!("rank={r}")));
+        parts.extend(self.tol.map(|t| format!("tol={t:e}")));
+        format!("Truncated({})", parts.join(", "))
+    }
+}
+
+/// Every direction above rounding level, and weight * ||alpha||**2 added to the cost (17), in its units.
+#[pyclass(module = "ddmhe", frozen, eq, name = "Ridge")]
+#[derive(PartialEq)]
+pub struct Ridge {
+    #[pyo3(get)]
+    weight: f64,
+}
+
+#[pymethods]
+impl Ridge {
+    #[new]
+    fn new(weight: f64) -> Self {
+        Ridge { weight }
+    }
+
+    fn __repr__(&self) -> String {
+        format!("Ridge({:e})", self.weight)
+    }
+}
+
+/// The space that a Python argument names.
+pub fn space(value: &Bound<'_, PyAny>) -> PyResult<Space> {
+    if value.cast::<Exact>().is_ok() {
+        return Ok(Space::Exact);
+    }
+    if let Ok(t) = value.cast::<Truncated>() {
+        return Ok(Space::Truncated { rank: t.get().rank, tol: t.get().tol });
+    }
+    if let Ok(r) = value.cast::<Ridge>() {
+        return Ok(Space::Ridge { weight: r.get().weight });
+    }
+    if value.extract::<String>().is_ok_and(|s| s == "auto") {
+        return Ok(Space::Auto);
+    }
+    let found = value.repr()?;
+    Err(DdmheError::new_err(format!(
+        "space: expected \"auto\", Exact(), Truncated(...) or Ridge(weight), found {found}"
+    )))
+}
+
+/// The Python object that stands for a space.
+pub fn to_python(py: Python<'_>, space: Space) -> PyResult<Bound<'_, PyAny>> {
+    match space {
+        Space::Auto => "auto".into_bound_py_any(py),
+        Space::Exact => Exact.into_bound_py_any(py),
+        Space::Truncated { rank, tol } => Truncated { rank, tol }.into_bound_py_any(py),
+        Space::Ridge { weight } => Ridge { weight }.into_bound_py_any(py),
+    }
+}

@@ -1,0 +1,55 @@
+"""Estimate the state of a system from its outputs and one recording, with no model.
+
+The recording, a `History` of states and outputs taken together, stands in for the model through Willems'
+fundamental lemma. `DdMhe` solves a small constrained optimisation over a moving window at every sample
+(data-driven moving horizon estimation; Liu et al. 2026, arXiv 2301.05351):
+
+>>> import ddmhe
+>>> record = ddmhe.models.detumbling().simulate(duration=120.0, dt=0.1, noise=0.01)
+>>> history = ddmhe.History(record.x[:201], record.y[:200], dt=0.1)
+>>> estimator = ddmhe.DdMhe(history)
+>>> estimate = estimator.step(record.y[200])   # estimate.x is the state at sample 201
+
+Arrays are float64 and time-major: row k is sample k. Wrong inputs raise `DdmheError` (a `ValueError`) or one of its
+kinds; what the optimisation finds is `Estimate.status`, never an exception.
+"""
+
+from importlib.metadata import version as _version
+
+from ddmhe import models
+from ddmhe._core import (
+    DdMhe,
+    DdmheError,
+    Estimate,
+    Exact,
+    History,
+    InfeasibleError,
+    Log,
+    ModelViolationError,
+    NotFiniteError,
+    RankError,
+    RankReport,
+    Ridge,
+    ShapeError,
+    Truncated,
+)
+
+__version__ = _version("ddmhe")
+
+__all__ = [
+    "DdMhe",
+    "DdmheError",
+    "Estimate",
+    "Exact",
+    "History",
+    "InfeasibleError",
+    "Log",
+    "ModelViolationError",
+    "NotFiniteError",
+    "RankError",
+    "RankReport",
+    "Ridge",
+    "ShapeError",
+    "Truncated",
+    "models",
+]

@@ -1,0 +1,5 @@
+"""``python -m ddmhe``."""
+
+from ddmhe.cli import main
+
+main()

@@ -1,0 +1,198 @@
+"""The command line: read, estimate, print, write. One clear line on stderr and exit code 2 for any wrong input."""
+
+from __future__ import annotations
+
+import io
+import sys
+from pathlib import Path
+from typing import Any, NoReturn
+
+import click
+import numpy as np
+from numpy.typing import NDArray
+from rich.console import Console
+from rich.progress import Progress
+
+from ddmhe import demo as demo_case
+from ddmhe import report
+from ddmhe._core import DdMhe, DdmheError
+from ddmhe._core import Log as Estimates
+from ddmhe.config import read_config, space_from_text
+from ddmhe.logs import Log, Split, read_log
+
+Array = NDArray[np.float64]
+
+FIGURES = (".png", ".pdf", ".svg")
+
+
+def main() -> NoReturn:
+    """Entry point. Exits 0 on success, 2 on wrong usage or input with one line on stderr, 130 on Ctrl-C."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="replace")  # a terminal that lacks a character must not end the run
+    try:
+        sys.exit(cli.main(prog_name="ddmhe", standalone_mode=False))
+    except click.Abort:
+        sys.exit(130)
+    except click.UsageError as e:
+        _fail(f"{e.format_message()} (see {e.ctx.command_path if e.ctx else 'ddmhe'} --help)")
+    except DdmheError as e:
+        _fail(str(e))
+    except OSError as e:
+        _fail(f"{e.filename or 'a file'}: expected to be able to read or write it, found: {e.strerror or e}")
+
+
+def _fail(message: str) -> NoReturn:
+    print("ddmhe: error:", " ".join(message.split()), file=sys.stderr)
+    sys.exit(2)
+
+
+def _names(ctx: click.Context, param: click.Parameter, value: str) -> tuple[str, ...]:
+    """Column names from a comma-separated list."""
+    names = tuple(part.strip() for part in value.split(","))
+    if "" in names:
+        raise click.BadParameter(f"expected column names separated by commas, found {value!r}")
+    return names
+
+
+@click.group(no_args_is_help=False, context_settings={"help_option_names": ["-h", "--help"]})
+@click.version_option(package_name="ddmhe", prog_name="ddmhe")
+def cli() -> None:
+    """Data-driven moving horizon estimation: the state of a system from its outputs and one recording, no model."""
+
+
+@cli.command()
+@click.option("--out", type=click.Path(path_type=Path), default=Path("ddmhe-demo"), show_default=True, metavar="DIR")
+@click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Seed of the torque noise.")
+@click.option("--noise", type=float, default=0.01, show_default=True, help="Torque noise, N m.")
+def demo(out: Path, seed: int, noise: float) -> None:
+    """Estimate the spin of a tumbling satellite from the braking torque alone (the paper's 3-DOF case).
+
+    Records 20 s, estimates the next 100 s step by step, and writes estimate.csv and estimate.png into DIR.
+    """
+    console = Console()
+    with Progress(console=console, disable=not console.is_terminal, transient=True) as progress:
+        task = progress.add_task("estimating", total=demo_case.STEPS * len(demo_case.SETTINGS))
+        recording, results = demo_case.runs(noise, seed, lambda: progress.advance(task))
+    written = demo_case.write(out, recording, results)
+    console.print(demo_case.summary(recording, results, noise))
+    for name, result in results.items():
+        _print_warnings(console, f"{name}: ", result.est)
+    _print_written(console, written)
+
+
+@cli.command()
+@click.argument("log", type=click.Path(path_type=Path))
+@click.option("--state", callback=_names, required=True, metavar="C1,C2,...", help="Columns of the state.")
+@click.option("--output", callback=_names, required=True, metavar="C1,C2,...", help="Columns of the output.")
+@click.option("--history", type=float, required=True, help="Length of the recording to learn from, s.")
+@click.option("--time", metavar="NAME", help="Column of the time, s.  [default: the first]")
+@click.option("--start", type=float, help="Where the recording begins, s of the log's clock.  [default: first row]")
+@click.option("--decimate", type=int, default=1, show_default=True, metavar="K", help="Keep every K-th row.")
+@click.option(
+    "--gaps",
+    type=click.Choice(["error", "fill"]),
+    default="fill",
+    show_default=True,
+    help="A gap in the log: take the lacking samples as not measured, or refuse the log.",
+)
+@click.option("--out", type=click.Path(path_type=Path), metavar="FILE.csv|DIR", help="Where the estimates go.")
+@click.option("--plot", type=click.Path(path_type=Path), metavar="FILE.png", help="Where a figure goes.")
+@click.option("--config", type=click.Path(path_type=Path), metavar="FILE.toml", help="Settings; keys as in DdMhe.")
+@click.option("--horizon", type=int, help="Horizon M, samples.  [default: from the recording]")
+@click.option("--rho", type=float, help="Discount per sample, in (0, 1).  [default: from the recording]")
+@click.option("--mu", type=float, help="Weight on the fitted noise.  [default: from the recording]")
+@click.option("--space", metavar="auto|exact|truncated:RANK|ridge:WEIGHT", help="Which windows count as trajectories.")
+@click.option("--warm-start/--no-warm-start", default=None, help="Start with a full window from the recording's end.")
+def estimate(
+    log: Path,
+    state: tuple[str, ...],
+    output: tuple[str, ...],
+    history: float,
+    time: str | None,
+    start: float | None,
+    decimate: int,
+    gaps: str,
+    out: Path | None,
+    plot: Path | None,
+    config: Path | None,
+    **given: Any,
+) -> None:
+    """Estimate the states of a CSV log from its outputs, after a history in which both were recorded.
+
+    Writes the time column and one column per state, and prints the errors where the log holds the states.
+    """
+    csv, figure = _targets(log, out, plot)
+    samples = read_log(log, state, output, time, start, decimate)
+    samples = samples.fill_gaps() if gaps == "fill" else samples
+    split = samples.split(history)
+    est = DdMhe(split.history, **_settings(config, given))
+    estimates = est.run(split.Y)
+    written = _write(csv, figure, samples, split, estimates.x)
+    console = Console()
+    console.print(_summary(samples, split, est, estimates))
+    _print_warnings(console, "", est)
+    _print_written(console, written)
+
+
+def _targets(log: Path, out: Path | None, plot: Path | None) -> tuple[Path | None, Path | None]:
+    """Paths of the CSV and of the figure, None for none."""
+    if plot is not None and plot.suffix.lower() not in FIGURES:
+        wanted = ", ".join(FIGURES)
+        raise click.BadParameter(f"expected a file ending in {wanted}, found {str(plot)!r}", param_hint="--plot")
+    csv = out
+    if out is not None and out.suffix.lower() != ".csv":
+        csv, plot = out / "estimate.csv", plot or out / "estimate.png"
+    if csv is not None and csv.exists() and log.exists() and csv.samefile(log):
+        raise click.BadParameter(f"expected a file other than the log, found {str(csv)!r}", param_hint="--out")
+    return csv, plot
+
+
+def _settings(config: Path | None, given: dict[str, Any]) -> dict[str, Any]:
+    """Keywords of DdMhe: the file's, overridden by the options given."""
+    settings = {} if config is None else read_config(config)
+    settings.update({key: value for key, value in given.items() if value is not None})
+    if isinstance(given["space"], str):
+        settings["space"] = space_from_text(given["space"])
+    return settings
+
+
+def _summary(log: Log, split: Split, est: DdMhe, estimates: Estimates) -> Any:
+    filled = int(np.sum(log.lines == 0))
+    rows = {"history": f"T = {split.history.T} samples of {log.dt:.4g} s"}
+    rows |= {"gaps filled": f"{filled} samples"} if filled else {}
+    rows |= report.settings(est) | report.outcome(estimates.status, estimates.iterations)
+    if split.x_true is not None:
+        errors = report.rmse(estimates.x - split.x_true)
+        rows |= {f"RMSE {name}": f"{value:.4g}" for name, value in zip(log.names.state, errors, strict=True)}
+        rows["NRMSE"] = f"{report.nrmse(estimates.x, split.x_true):.4f}"
+    return report.table(f"Estimates of {Path(log.path).name}", {"": rows})
+
+
+def _write(csv: Path | None, figure: Path | None, log: Log, split: Split, x_hat: Array) -> list[Path]:
+    """One CSV row per row of the log after the history; the figure also shows the estimates inside filled gaps."""
+    if csv is not None:
+        csv.parent.mkdir(parents=True, exist_ok=True)
+        logged = log.lines[-len(split.t) :] > 0
+        report.write_estimates(csv, log.names.time, split.t[logged], log.names.state, x_hat[logged])
+    if figure is not None:
+        from ddmhe.plot import estimate_figure
+
+        figure.parent.mkdir(parents=True, exist_ok=True)
+        T = len(log.t) - len(split.t) - 1
+        recorded = (log.t[: T + 1], log.x[: T + 1])
+        drawing = estimate_figure(
+            split.t, x_hat, split.x_true, history=recorded, names=log.names.state, quantity="state (unit of the log)"
+        )
+        report.save_figure(drawing, figure)
+    return [path for path in (csv, figure) if path is not None]
+
+
+def _print_warnings(console: Console, prefix: str, est: DdMhe) -> None:
+    for warning in est.warnings:
+        console.print(f"warning: {prefix}{warning}", style="yellow", markup=False, soft_wrap=True)
+
+
+def _print_written(console: Console, paths: list[Path]) -> None:
+    for path in paths:
+        console.print(f"wrote {path}", markup=False, highlight=False, soft_wrap=True)

@@ -1,0 +1,124 @@
+"""Settings of an estimator from a TOML file: the keys are the keywords of `DdMhe`, the values TOML's own.
+
+```toml
+horizon = 20
+rho = 0.9
+x_bounds = [-1.0, 1.0]           # or [[-1.0, -2.0], [1.0, 2.0]], one number per state
+equilibrium = [[0.0], [0.0]]     # x_e, y_e
+space = { kind = "truncated", rank = 5 }   # or "auto", "exact", { kind = "ridge", weight = 1e-2 }
+```
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from ddmhe._core import DdmheError, Exact, Ridge, Truncated
+
+if sys.version_info >= (3, 11):
+    import tomllib
+else:
+    import tomli as tomllib
+
+Space = Exact | Truncated | Ridge | str
+
+__all__ = ["ConfigError", "Space", "read_config", "space_from_text"]
+
+
+class ConfigError(DdmheError):
+    """A configuration file cannot be used."""
+
+
+def read_config(path: str | Path) -> dict[str, Any]:
+    """Keyword arguments of DdMhe from a TOML file; ConfigError in one sentence naming the file and the key."""
+    try:
+        with open(path, "rb") as f:
+            table = tomllib.load(f)
+    except FileNotFoundError:
+        raise ConfigError(f"{path}: expected a configuration file, found no such file") from None
+    except OSError as e:
+        raise ConfigError(f"{path}: expected a readable configuration file, found that it is not ({e.strerror})") from e
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as e:
+        raise ConfigError(f"{path}: expected a TOML file, found an error in it ({' '.join(str(e).split())})") from e
+    return {key: _setting(str(path), key, value) for key, value in table.items()}
+
+
+def space_from_text(text: str) -> Space:
+    """A trajectory space from ``auto``, ``exact``, ``truncated:RANK`` or ``ridge:WEIGHT``; ConfigError for others."""
+    kind, _, argument = text.partition(":")
+    if text in ("auto", "exact"):
+        return "auto" if text == "auto" else Exact()
+    try:
+        if kind == "truncated":
+            return Truncated(rank=int(argument))
+        if kind == "ridge":
+            return Ridge(float(argument))
+    except (ValueError, OverflowError):
+        pass
+    raise ConfigError(f"space: expected auto, exact, truncated:RANK or ridge:WEIGHT, found {text!r}")
+
+
+def _is_whole(value: object) -> bool:
+    """An integer of TOML's 64 bits."""
+    return isinstance(value, int) and not isinstance(value, bool) and -(2**63) <= value < 2**63
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, float) or _is_whole(value)
+
+
+def _is_numbers(value: object) -> bool:
+    """A list of numbers or of lists of numbers."""
+    return isinstance(value, list) and all(_is_number(v) or _is_numbers(v) for v in value)
+
+
+_EXPECTED: dict[str, tuple[str, Callable[[object], bool]]] = {
+    "horizon": ("a whole number", _is_whole),
+    "rho": ("a number", _is_number),
+    "mu": ("a number", _is_number),
+    "x_prior": ("a list of numbers", _is_numbers),
+    "x_bounds": ("a list [lo, hi]", _is_numbers),
+    "x_center": ('"history"', lambda v: isinstance(v, str)),
+    "v_bounds": ("a list [lo, hi]", _is_numbers),
+    "equilibrium": ("a list [x_e, y_e]", _is_numbers),
+    "warm_start": ("true or false", lambda v: isinstance(v, bool)),
+    "space": ("a text or a table", lambda v: isinstance(v, str | dict)),
+}
+_SPACES: dict[str, tuple[type[Truncated] | type[Ridge] | type[Exact], tuple[str, ...]]] = {
+    "exact": (Exact, ()),
+    "truncated": (Truncated, ("rank", "tol")),
+    "ridge": (Ridge, ("weight",)),
+}
+
+
+def _setting(path: str, key: str, value: Any) -> Any:
+    if key not in _EXPECTED:
+        raise ConfigError(f"{path}: expected one of the keys {', '.join(_EXPECTED)}, found {key!r}")
+    expected, fits = _EXPECTED[key]
+    if not fits(value):
+        raise ConfigError(f"{path}, {key}: expected {expected}, found {value!r}")
+    if key != "space":
+        return value
+    try:
+        return space_from_text(value) if isinstance(value, str) else _space_from_table(value)
+    except ConfigError as e:
+        raise ConfigError(f"{path}, {e}") from e
+
+
+def _space_from_table(table: dict[str, Any]) -> Space:
+    kind, arguments = table.get("kind"), {k: v for k, v in table.items() if k != "kind"}
+    if kind not in _SPACES:
+        raise ConfigError(f"space: expected kind {', '.join(map(repr, _SPACES))}, found {kind!r}")
+    space, known = _SPACES[kind]
+    for name, value in arguments.items():
+        if name not in known:
+            raise ConfigError(f"space: expected {' or '.join(known) or 'no argument'} for {kind}, found {name!r}")
+        if not (_is_whole(value) and value >= 0 if name == "rank" else _is_number(value)):
+            wanted = "a whole number" if name == "rank" else "a number"
+            raise ConfigError(f"space: expected {wanted} for {name}, found {value!r}")
+    if kind == "ridge" and "weight" not in arguments:
+        raise ConfigError("space: expected a weight for ridge, found none")
+    return space(**arguments)

@@ -1,0 +1,323 @@
+"""Log files: a CSV of samples in, a checked `Log` out, and its split into a history and the outputs that follow.
+
+A CSV has one header line and one row per sample. An empty cell (or NaN) means "not measured": allowed in outputs
+and states after the history, an error inside it. A log samples regularly: its steps may jitter, but a step of more
+than 1.5 nominal steps is a gap. Gaps are errors unless `Log.fill_gaps` turned them into rows not measured: the
+estimator then runs through them without data, and inside the history at most 10 such rows in a row are interpolated.
+"""
+
+from __future__ import annotations
+
+import csv
+import difflib
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from ddmhe._core import DdmheError, History
+
+Array = NDArray[np.float64]
+
+__all__ = ["Log", "LogError", "Names", "Split", "read_log"]
+
+GAP = 1.5
+"""A step longer than this many nominal steps is nearer to two of them: at least one sample is missing."""
+JITTER, JITTERY_SHARE = 0.25, 0.2
+"""Steps off the nominal one by more than JITTER are bad; a log with more than this share of them is not regular."""
+MOST_INTERPOLATED = 10
+"""A longer stretch of filled rows inside the history is an invention, not a recording. Seven in a row left the errors
+on the measured pendulum logs as they were; cutting the recording there doubled them."""
+MOST_FILLED = 2
+"""Filling may at most double a log: beyond that it is several logs."""
+_NOT_MEASURED = frozenset({"", "nan", "na", "null", "none"})
+
+
+class LogError(DdmheError):
+    """A log file cannot be used as asked."""
+
+
+@dataclass(frozen=True)
+class Names:
+    """Column names of a log."""
+
+    time: str
+    state: tuple[str, ...]
+    output: tuple[str, ...]
+
+
+class Split(NamedTuple):
+    """A log as the estimator needs it; N estimates follow the history of T samples."""
+
+    history: History
+    Y: Array
+    """Outputs (N, p) for DdMhe.run: log rows T to T+N-1."""
+    t: Array
+    """Times (N,) of the estimates, s: log rows T+1 to T+N."""
+    x_true: Array | None
+    """States (N, n) at t as logged, NaN where not; None if none was logged."""
+
+
+@dataclass(frozen=True, eq=False)
+class Log:
+    """Samples of one log, N rows."""
+
+    path: str
+    names: Names
+    t: Array
+    """Time (N,), s, the log's own clock."""
+    x: Array
+    """States (N, n), NaN where not measured."""
+    y: Array
+    """Outputs (N, p), NaN where not measured."""
+    dt: float
+    """Nominal step, s: the median step of the log as sampled, times the decimation."""
+    lines: NDArray[np.int64]
+    """Line of each row in the file (N,), from 1; 0 for a row that `fill_gaps` added."""
+
+    def gaps(self) -> list[tuple[int, float]]:
+        """Gaps as (row before the gap, its length in s)."""
+        steps = np.diff(self.t)
+        return [(int(k), float(steps[k])) for k in np.flatnonzero(steps > GAP * self.dt)]
+
+    def fill_gaps(self) -> Log:
+        """The log on a gapless grid: in each gap the samples that are missing, all of them NaN (not measured).
+
+        Raises LogError where more samples are missing than there are.
+        """
+        steps = np.diff(self.t) / self.dt
+        whole = np.where(steps > GAP, np.round(steps), 1)
+        rows = np.concatenate(([0], np.cumsum(whole))).astype(np.int64)
+        size = int(rows[-1]) + 1
+        if size > MOST_FILLED * rows.size:
+            raise LogError(f"{self.path}: expected gaps that can be filled, found {size - rows.size} samples missing")
+
+        def spread(values: Array) -> Array:
+            wide = np.full((size, values.shape[1]), np.nan)
+            wide[rows] = values
+            return wide
+
+        lines = np.zeros(size, dtype=np.int64)
+        lines[rows] = self.lines
+        t = np.interp(np.arange(size), rows, self.t)
+        return replace(self, t=t, x=spread(self.x), y=spread(self.y), lines=lines)
+
+    def history_samples(self, history: float) -> int:
+        """T = round(history/dt).
+
+        Raises LogError if `history` (s) is not a positive number, shorter than 2 samples or longer than the log.
+        """
+        if not (math.isfinite(history) and history > 0):
+            raise LogError(f"history: expected a positive number of seconds, found {history}")
+        samples, last = round(history / self.dt), len(self.t) - 1
+        if samples < 2:
+            raise LogError(f"history: expected at least 2 samples ({2 * self.dt:.4g} s), found {history} s")
+        if samples >= last:
+            raise LogError(
+                f"history: expected less than {last * self.dt:.4g} s, the {last + 1} samples that {self.path} holds "
+                f"from {self.t[0]:.10g} s on, found {history} s"
+            )
+        return samples
+
+    def split(self, history: float) -> Split:
+        """Cut the log after `history` seconds: states of rows 0 to T and outputs of rows 0 to T-1 are the history.
+
+        Raises LogError for a history that does not fit, for samples missing inside it, and for gaps.
+        """
+        T = self.history_samples(history)
+        gaps = self.gaps()
+        if gaps:
+            row, length = gaps[0]
+            where = "inside the history" if row < T else "after the history"
+            raise LogError(
+                f"{self.path}: gap {where} at {self.t[row]:.10g} s (line {self.lines[row]}): expected steps of about "
+                f"{self.dt:.4g} s, found {length:.4g} s; use another start or history, or fill the gaps (--gaps fill)"
+            )
+        self._check_measured(self.x[: T + 1], self.names.state)
+        self._check_measured(self.y[:T], self.names.output)
+        recorded = History(self._bridged(self.x, T + 1), self._bridged(self.y, T), dt=self.dt)
+        x_true = self.x[T + 1 :]
+        return Split(recorded, self.y[T:-1], self.t[T + 1 :], None if np.isnan(x_true).all() else x_true)
+
+    def _bridged(self, values: Array, size: int) -> Array:
+        """Rows 0 to size-1 with the filled ones interpolated between their neighbours in the log.
+
+        Seams between recordings would invent nothing, but they cost every window that crosses one; on measured
+        pendulum logs with gaps of one or two rows interpolation was clearly better.
+        """
+        real = np.flatnonzero(self.lines)
+        runs = np.diff(real[: np.searchsorted(real, size) + 1]) - 1
+        if runs.max() > MOST_INTERPOLATED:
+            row = int(real[int(np.argmax(runs > MOST_INTERPOLATED))])
+            raise LogError(
+                f"{self.path}: gap inside the history at {self.t[row]:.10g} s (line {self.lines[row]}): "
+                f"expected at most {MOST_INTERPOLATED} missing samples, found {runs.max()}"
+            )
+        at, rows = np.arange(size), np.arange(len(values))
+        known = np.isfinite(values)
+        return np.column_stack([np.interp(at, rows[k], column[k]) for k, column in zip(known.T, values.T, strict=True)])
+
+    def _check_measured(self, values: Array, names: Sequence[str]) -> None:
+        lacking = np.argwhere(np.isnan(values) & (self.lines[: len(values), None] > 0))
+        if lacking.size:
+            row, column = lacking[0]
+            raise LogError(
+                f"{self.path}, line {self.lines[row]}, column {names[column]!r}: expected a number inside the "
+                f"history, found an empty cell or NaN"
+            )
+
+
+def read_log(
+    path: str | Path,
+    state: Sequence[str],
+    output: Sequence[str],
+    time: str | None = None,
+    start: float | None = None,
+    decimate: int = 1,
+) -> Log:
+    """Read a CSV log, keep rows 0, decimate, 2 decimate, …, and of these the ones from time `start` on.
+
+    Parameters
+    ----------
+    path : path of a CSV file with one header line
+    state, output : names of the state columns (n) and output columns (p); one column may be both
+    time : name of the time column, in seconds; default the first column
+    start : time of the log's own clock, s; default the first row
+    decimate : keep every decimate-th row, at least 1
+
+    Raises
+    ------
+    LogError
+        One sentence naming the file, and the column and line where there is one.
+    """
+    name = str(path)
+    if isinstance(decimate, bool) or not isinstance(decimate, int | np.integer) or decimate < 1:
+        raise LogError(f"decimate: expected a whole number of at least 1, found {decimate!r}")
+    table = _read_table(name)
+    names = _checked_names(name, list(table.columns), state, output, time)
+    t = _time(name, table, names.time)
+    nominal = decimate * float(np.median(np.diff(t))) if t.size > 1 else math.nan
+    t = t[::decimate]
+    first = 0 if start is None else _first_row(name, t, start)
+    table, t = table.iloc[::decimate].iloc[first:], t[first:]
+    dt = _step(name, t, nominal, decimate)
+    x, y = (np.column_stack([_column(name, table, c) for c in group]) for group in (names.state, names.output))
+    return Log(name, names, t, x, y, dt, table.index.to_numpy(dtype=np.int64))
+
+
+def _read_table(path: str) -> pd.DataFrame:
+    """The file as text cells, its header as columns, its line numbers as index; empty lines dropped."""
+    try:
+        cells = pd.read_csv(
+            path, header=None, dtype=str, na_filter=False, skip_blank_lines=False, index_col=False,
+            skipinitialspace=True, encoding="utf-8-sig", quoting=csv.QUOTE_MINIMAL,
+        )  # fmt: skip
+    except FileNotFoundError:
+        raise LogError(f"{path}: expected a log file, found no such file") from None
+    except OSError as e:
+        raise LogError(f"{path}: expected a readable log file, found that it is not ({e.strerror})") from e
+    except pd.errors.EmptyDataError:
+        raise LogError(f"{path}: expected a header line and samples, found an empty file") from None
+    except UnicodeDecodeError as e:
+        raise LogError(f"{path}: expected a text file in UTF-8, found bytes that are not") from e
+    except pd.errors.ParserError as e:
+        raise LogError(f"{path}: expected a CSV table, found one that cannot be read ({_one_line(e)})") from e
+    cells = cells.fillna("")
+    cells.index += 1
+    header = [str(c).strip() for c in cells.iloc[0]]
+    table = cells.iloc[1:].set_axis(header, axis="columns")
+    table = table[(table != "").any(axis="columns")]
+    if table.empty:
+        raise LogError(f"{path}: expected samples after the header line, found none")
+    return table
+
+
+def _checked_names(
+    path: str, header: list[str], state: Sequence[str], output: Sequence[str], time: str | None
+) -> Names:
+    time = header[0] if time is None else time
+    for option, group in (("time", [time]), ("state", state), ("output", output)):
+        if not group:
+            raise LogError(f"{option}: expected at least one column name, found none")
+        for column in group:
+            if column not in header:
+                raise LogError(f"{option}: expected a column of {path}, found {column!r}{_nearest(column, header)}")
+            if header.count(column) > 1:
+                raise LogError(f"{path}: expected one column named {column!r}, found {header.count(column)}")
+            if list(group).count(column) > 1:
+                raise LogError(f"{option}: expected different columns, found {column!r} more than once")
+            if option != "time" and column == time:
+                raise LogError(f"{option}: expected columns other than the time column, found {column!r}")
+    return Names(time, tuple(state), tuple(output))
+
+
+def _nearest(column: str, header: list[str]) -> str:
+    close = difflib.get_close_matches(column, header, n=1)
+    hint = f"; did you mean {close[0]!r}?" if close else ""
+    return f"{hint} (columns: {', '.join(header)})"
+
+
+def _column(path: str, table: pd.DataFrame, column: str) -> Array:
+    """One column as numbers, NaN where the cell says that nothing was measured."""
+    cells = table[column].str.strip()
+    values = np.array(pd.to_numeric(cells, errors="coerce"), dtype=np.float64)
+    wrong = np.isinf(values)
+    unread = np.flatnonzero(np.isnan(values))
+    wrong[unread] = [c.lower() not in _NOT_MEASURED for c in cells.iloc[unread]]
+    if wrong.any():
+        row = int(np.argmax(wrong))
+        raise LogError(
+            f"{path}, line {table.index[row]}, column {column!r}: expected a finite number, found {cells.iloc[row]!r}"
+        )
+    return values
+
+
+def _time(path: str, table: pd.DataFrame, column: str) -> Array:
+    t = _column(path, table, column)
+    if np.isnan(t).any():
+        line = table.index[int(np.argmax(np.isnan(t)))]
+        raise LogError(f"{path}, line {line}, column {column!r}: expected a time in seconds, found none")
+    back = np.diff(t) <= 0
+    if back.any():
+        row = int(np.argmax(back)) + 1
+        raise LogError(
+            f"{path}, line {table.index[row]}, column {column!r}: expected a time after the {t[row - 1]:.10g} s of the "
+            f"line before, found {t[row]:.10g} s"
+        )
+    return t
+
+
+def _first_row(path: str, t: Array, start: float) -> int:
+    if not start <= t[-1]:  # written so that NaN is refused too
+        raise LogError(f"start: expected at most {t[-1]:.10g} s, the last time of {path}, found {start} s")
+    return int(np.argmax(t >= start))
+
+
+def _step(path: str, t: Array, nominal: float, decimate: int) -> float:
+    """The nominal step, the median of the undecimated log times `decimate`: coarse time stamps do not shift it.
+
+    LogError if the steps do not keep to it.
+    """
+    if t.size < 3:
+        raise LogError(
+            f"{path}: expected at least 3 samples from the start on, every {decimate} rows, found {t.size}"
+            if decimate > 1
+            else f"{path}: expected at least 3 samples from the start on, found {t.size}"
+        )
+    steps, dt = np.diff(t), nominal
+    bad = np.abs(steps - dt) > JITTER * dt
+    if bad.mean() > JITTERY_SHARE:
+        raise LogError(
+            f"{path}: expected regular sampling, found {bad.mean():.0%} of the steps off the nominal {dt:.4g} s by "
+            f"more than {JITTER:.0%}"
+        )
+    return dt
+
+
+def _one_line(error: Exception) -> str:
+    return " ".join(str(error).split())

@@ -1,0 +1,116 @@
+"""Figures: functions that take arrays and return a matplotlib Figure; nothing is shown, nothing is saved here.
+
+Matplotlib is slow to import, so this module is imported where a figure is made, by `report` and the command line.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib import colormaps
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+__all__ = ["estimate_figure"]
+
+_TRUTH: dict[str, Any] = {"linewidth": 3.5, "alpha": 0.35}
+_ESTIMATE: dict[str, Any] = {"linewidth": 1.2}
+
+
+def estimate_figure(
+    t: Array,
+    x_hat: Array,
+    x_true: Array | None,
+    *,
+    history: tuple[Array, Array],
+    names: Sequence[str],
+    quantity: str,
+    errors: Mapping[str, Array] | None = None,
+) -> Figure:
+    """Estimates over time above, their errors below on a log axis (only where the truth is known).
+
+    Parameters
+    ----------
+    t : (N,) times of the estimates, s
+    x_hat, x_true : (N, n) estimated and true states in one unit, NaN where unknown
+    history : times (K,), s, and states (K, n) of the recording, drawn shaded
+    names : n names of the states
+    quantity : label of the state axis, with its unit in brackets
+    errors : curves of the lower panel by label, (N,) each, in the state's unit; default |x_hat - x_true| per state
+    """
+    colors: list[Any] = ["black", "tab:red", "tab:purple", "tab:brown"]
+    if errors is None and x_true is not None:
+        errors = {name: np.abs(x_hat[:, i] - x_true[:, i]) for i, name in enumerate(names)}
+        colors = [_color(i) for i in range(len(names))]
+    figure = Figure(figsize=(9.0, 6.5 if errors else 4.2), layout="constrained")
+    if errors:
+        above, below = figure.subplots(2, 1, sharex=True, height_ratios=[3, 2])
+        _draw_errors(below, t, errors, quantity, colors)
+        _shade(below, history[0])
+    else:
+        above = figure.subplots()
+    _draw_states(above, t, x_hat, x_true, history, names)
+    _shade(above, history[0])
+    above.set_ylabel(quantity)
+    figure.axes[-1].set_xlabel("time (s)")
+    figure.axes[-1].set_xlim(history[0][0], t[-1])
+    _legend(above, names, truth=x_true is not None)
+    return figure
+
+
+def _draw_states(
+    axes: Axes, t: Array, x_hat: Array, x_true: Array | None, history: tuple[Array, Array], names: Sequence[str]
+) -> None:
+    for i in range(len(names)):
+        axes.plot(history[0], history[1][:, i], color=_color(i), **_TRUTH)
+        if x_true is not None:
+            axes.plot(t, x_true[:, i], color=_color(i), **_TRUTH)
+        axes.plot(t, x_hat[:, i], color=_color(i), **_ESTIMATE)
+    known = [history[1]] if x_true is None else [history[1], x_true]
+    _limit(axes, np.concatenate(known), x_hat)
+    axes.grid(alpha=0.3)
+
+
+def _draw_errors(axes: Axes, t: Array, errors: Mapping[str, Array], quantity: str, colors: Sequence[Any]) -> None:
+    for i, (label, error) in enumerate(errors.items()):
+        visible = np.where(error > 0, error, np.nan)
+        axes.plot(t, visible, color=colors[i % len(colors)], label=label, **_ESTIMATE)
+    axes.set_yscale("log")
+    axes.set_ylabel(f"error of {quantity}")
+    axes.grid(alpha=0.3)
+    axes.legend(loc="lower right", ncols=min(3, len(errors)), fontsize="small")
+
+
+def _limit(axes: Axes, known: Array, x_hat: Array) -> None:
+    """Keep a diverging estimate from hiding the truth: at most three times the known range is shown."""
+    lo, hi = np.nanmin(known), np.nanmax(known)
+    room = max(hi - lo, 1e-12 * max(abs(lo), abs(hi), 1.0))
+    bottom, top = min(lo, np.nanmin(x_hat)), max(hi, np.nanmax(x_hat))
+    axes.set_ylim(max(bottom, lo - room) - 0.05 * room, min(top, hi + room) + 0.05 * room)
+
+
+def _shade(axes: Axes, t: Array) -> None:
+    axes.axvspan(t[0], t[-1], color="0.9", zorder=0)
+
+
+def _legend(axes: Axes, names: Sequence[str], truth: bool) -> None:
+    handles: list[Line2D | Patch] = [Line2D([], [], color=_color(i), label=name) for i, name in enumerate(names)]
+    thick = "true" if truth else "recorded"
+    handles += [
+        Line2D([], [], color="0.2", label=thick, **_TRUTH),
+        Line2D([], [], color="0.2", label="estimated", **_ESTIMATE),
+        Patch(color="0.9", label="history"),
+    ]
+    axes.legend(handles=handles, loc="upper right", ncols=min(len(handles), 6), fontsize="small")
+
+
+def _color(i: int) -> tuple[float, float, float, float]:
+    rgba: tuple[float, float, float, float] = colormaps["tab10"](i % 10)
+    return rgba

@@ -1,0 +1,240 @@
+"""The command line as a user meets it: a subprocess, files in a temporary directory."""
+
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import ddmhe
+from ddmhe.models import detumbling
+
+STATE, OUTPUT = ["wx", "wy", "wz"], ["tx", "ty", "tz"]
+COLUMNS = ["--state", "wx,wy,wz", "--output", "tx,ty,tz"]
+T, N = 200, 600
+PNG = b"\x89PNG\r\n\x1a\n"
+
+
+def ddmhe_run(*arguments, cwd=None):
+    command = [sys.executable, "-m", "ddmhe", *map(str, arguments)]
+    return subprocess.run(command, capture_output=True, text=True, cwd=cwd, timeout=120)
+
+
+def printed(result, label):
+    """The number that a table prints beside `label`."""
+    return float(re.search(rf"{re.escape(label)}\s*│\s*([-\d.e+]+)", result.stdout).group(1))
+
+
+@pytest.fixture(scope="module")
+def recording():
+    return detumbling().simulate(60.0, 0.1, noise=0.01, seed=1)
+
+
+@pytest.fixture(scope="module")
+def frame(recording):
+    return pd.DataFrame(np.hstack([recording.t[:, None], recording.x, recording.y]), columns=["t", *STATE, *OUTPUT])
+
+
+@pytest.fixture(scope="module")
+def log(frame, tmp_path_factory):
+    path = tmp_path_factory.mktemp("logs") / "log.csv"
+    frame.to_csv(path, index=False)
+    return path
+
+
+def estimates_of(recording, **settings):
+    history = ddmhe.History(recording.x[: T + 1], recording.y[:T], dt=0.1)
+    return ddmhe.DdMhe(history, **settings).run(recording.y[T:-1])
+
+
+def test_estimate_writes_what_the_estimator_gives(recording, log, tmp_path):
+    out = tmp_path / "est.csv"
+    result = ddmhe_run("estimate", log, *COLUMNS, "--history", 20, "--out", out)
+    assert (result.returncode, result.stderr) == (0, "")
+    written = pd.read_csv(out)
+    assert list(written.columns) == ["t", *STATE]
+    np.testing.assert_allclose(written["t"], recording.t[T + 1 :], rtol=1e-12)
+    expected = estimates_of(recording).x
+    np.testing.assert_allclose(written[STATE], expected, rtol=1e-9, atol=1e-12)
+    error = expected - recording.x[T + 1 :]
+    spread = recording.x[T + 1 :] - recording.x[T + 1 :].mean(axis=0)
+    assert printed(result, "RMSE wy") == pytest.approx(np.sqrt(np.mean(error[:, 1] ** 2)), rel=1e-3)
+    assert printed(result, "NRMSE") == pytest.approx(np.sqrt(np.mean(error**2) / np.mean(spread**2)), abs=1e-4)
+    assert f"wrote {out}" in result.stdout
+
+
+def test_estimate_into_a_directory_with_a_figure(log, tmp_path):
+    result = ddmhe_run("estimate", log, *COLUMNS, "--history", 20, "--out", tmp_path / "new" / "dir")
+    assert result.returncode == 0, result.stderr
+    assert len(pd.read_csv(tmp_path / "new" / "dir" / "estimate.csv")) == N - T
+    assert (tmp_path / "new" / "dir" / "estimate.png").read_bytes().startswith(PNG)
+
+
+def test_estimate_without_truth_prints_no_error_measures(frame, tmp_path):
+    live = frame.copy()
+    live.loc[T + 1 :, STATE] = np.nan
+    live.to_csv(tmp_path / "live.csv", index=False)
+    result = ddmhe_run(
+        "estimate", "live.csv", *COLUMNS, "--history", 20, "--out", "est.csv", "--plot", "est.svg", cwd=tmp_path
+    )
+    assert result.returncode == 0, result.stderr
+    assert "RMSE" not in result.stdout
+    assert len(pd.read_csv(tmp_path / "est.csv")) == N - T
+    assert "<svg" in (tmp_path / "est.svg").read_text()
+
+
+def test_options_override_the_configuration(recording, log, tmp_path):
+    config = tmp_path / "est.toml"
+    config.write_text("horizon = 12\nrho = 0.9\nmu = 3.0\nx_bounds = [-0.5, 0.5]\nspace = 'exact'\n")
+    options = ["--config", config, "--horizon", 8, "--space", "truncated:4", "--warm-start"]
+    result = ddmhe_run("estimate", log, *COLUMNS, "--history", 20, *options, "--out", tmp_path / "est.csv")
+    assert result.returncode == 0, result.stderr
+    settings = {"horizon": 8, "rho": 0.9, "mu": 3.0, "x_bounds": (-0.5, 0.5), "warm_start": True}
+    expected = estimates_of(recording, **settings, space=ddmhe.Truncated(rank=4)).x
+    np.testing.assert_allclose(pd.read_csv(tmp_path / "est.csv")[STATE], expected, rtol=1e-9, atol=1e-12)
+    assert printed(result, "horizon M") == 8
+
+
+def test_start_decimate_and_time_choose_the_rows(frame, recording, tmp_path):
+    moved = frame[[*STATE, "t", *OUTPUT]].assign(t=frame["t"] + 100.0)
+    moved.to_csv(tmp_path / "log.csv", index=False)
+    options = ["--time", "t", "--start", 105, "--decimate", 2, "--history", 20, "--out", tmp_path / "est.csv"]
+    result = ddmhe_run("estimate", tmp_path / "log.csv", *COLUMNS, *options)
+    assert result.returncode == 0, result.stderr
+    x, y = recording.x[50::2], recording.y[50::2]
+    expected = ddmhe.DdMhe(ddmhe.History(x[:101], y[:100], dt=0.2)).run(y[100:-1]).x
+    written = pd.read_csv(tmp_path / "est.csv")
+    np.testing.assert_allclose(written["t"], 100 + recording.t[50::2][101:], rtol=1e-12)
+    np.testing.assert_allclose(written[STATE], expected, rtol=1e-6, atol=1e-9)
+
+
+def test_filled_gaps_give_one_row_per_row_of_the_log(frame, tmp_path):
+    holed = frame.drop(index=[90, 91, 300, 301, 302, 303])
+    holed.to_csv(tmp_path / "log.csv", index=False)
+    arguments = ["estimate", tmp_path / "log.csv", *COLUMNS, "--history", 20, "--out", tmp_path / "est.csv"]
+    assert ddmhe_run(*arguments, "--gaps", "error").returncode == 2
+    result = ddmhe_run(*arguments)
+    assert result.returncode == 0, result.stderr
+    written = pd.read_csv(tmp_path / "est.csv")
+    np.testing.assert_allclose(written["t"], holed["t"][holed.index > T], rtol=1e-12)
+    assert printed(result, "gaps filled") == 6
+    assert printed(result, "NRMSE") < 0.2
+
+
+def test_demo_writes_its_files_and_beats_a_constant(tmp_path):
+    result = ddmhe_run("demo", "--out", "here", "--seed", 2, cwd=tmp_path)
+    assert (result.returncode, result.stderr) == (0, "")
+    truth = detumbling().simulate(120.0, 0.1).x[201:]
+    written = pd.read_csv(tmp_path / "here" / "estimate.csv")
+    np.testing.assert_allclose(written["time_s"], 0.1 * np.arange(201, 1201), rtol=1e-12)
+    error = np.rad2deg(written.iloc[:, 1:].to_numpy() - truth)
+    norm = np.sqrt(np.mean(np.sum(error**2, axis=1)))
+    assert printed(result, "RMSE norm 100 s") == pytest.approx(norm, abs=1e-4)
+    assert norm < np.rad2deg(np.sqrt(truth.var(axis=0).sum()))
+    assert (tmp_path / "here" / "estimate.png").read_bytes().startswith(PNG)
+
+
+def test_help_and_version():
+    assert ddmhe_run("--version").stdout.startswith("ddmhe, version ")
+    for command in ([], ["demo"], ["estimate"]):
+        result = ddmhe_run(*command, "--help")
+        assert result.returncode == 0
+        assert "Usage: ddmhe" in result.stdout
+
+
+BASE = ["estimate", "log.csv", *COLUMNS, "--history", "20"]
+WRONG = [
+    ([], ["Missing command"]),
+    (["estimat"], ["No such command", "estimat"]),
+    (["demo", "--bogus"], ["No such option", "--bogus"]),
+    (["demo", "--noise", "-1"], ["noise", "at least 0", "-1"]),
+    (["demo", "--seed", "x"], ["--seed", "'x'"]),
+    (["demo", "--out", "log.csv"], ["log.csv"]),
+    (["estimate"], ["Missing argument", "LOG"]),
+    (["estimate", "log.csv", "--state", "wx", "--output", "tx"], ["Missing option", "--history"]),
+    (["estimate", "none.csv", *COLUMNS, "--history", "20"], ["none.csv", "no such file"]),
+    (["estimate", "log.csv", "--state", "wx,,wy", "--output", "tx", "--history", "20"], ["--state", "wx,,wy"]),
+    (
+        ["estimate", "log.csv", "--state", "wxx", "--output", "tx", "--history", "20"],
+        ["state", "'wxx'", "did you mean 'wx'"],
+    ),
+    ([*BASE, "--time", "clock"], ["time", "'clock'", "columns: t, wx"]),
+    ([*BASE, "--history", "x"], ["--history", "'x'"]),
+    ([*BASE, "--history", "60"], ["history", "less than 60 s", "601 samples"]),
+    ([*BASE, "--history", "0.1"], ["history", "at least 2 samples"]),
+    ([*BASE, "--history", "0.5", "--horizon", "9"], ["horizon", "found 9"]),
+    ([*BASE, "--start", "61"], ["start", "at most 60 s", "61"]),
+    ([*BASE, "--decimate", "0"], ["decimate", "at least 1", "0"]),
+    ([*BASE, "--decimate", "1.5"], ["--decimate", "1.5"]),
+    ([*BASE, "--gaps", "maybe"], ["--gaps", "maybe"]),
+    ([*BASE, "--rho", "1.5"], ["rho", "(0, 1)", "1.5"]),
+    ([*BASE, "--mu", "-1"], ["mu", "positive", "-1"]),
+    ([*BASE, "--horizon", "0"], ["horizon", "0"]),
+    ([*BASE, "--space", "best"], ["space", "'best'", "truncated:RANK"]),
+    ([*BASE, "--config", "none.toml"], ["none.toml", "no such file"]),
+    ([*BASE, "--config", "bad.toml"], ["bad.toml", "'horizn'", "horizon, rho, mu"]),
+    ([*BASE, "--config", "bounds.toml"], ["x_bounds", "lo <= hi"]),
+    ([*BASE, "--out", "log.csv"], ["--out", "other than the log"]),
+    ([*BASE, "--out", "log.csv/est"], ["log.csv"]),
+    ([*BASE, "--plot", "est.gif"], ["--plot", ".png", "est.gif"]),
+    (["estimate", "cell.csv", *COLUMNS, "--history", "20"], ["cell.csv", "line 12", "'tx'", "'n/a?'"]),
+    (["estimate", "hole.csv", *COLUMNS, "--history", "20"], ["hole.csv", "line 12", "'wy'", "inside the history"]),
+    (
+        ["estimate", "gap.csv", *COLUMNS, "--history", "20", "--gaps", "error"],
+        ["gap.csv", "gap inside the history", "line 52", "--gaps"],
+    ),
+    (["estimate", "back.csv", *COLUMNS, "--history", "20"], ["back.csv", "line 22", "'t'", "expected a time after"]),
+    (["estimate", "still.csv", *COLUMNS, "--history", "20"], ["state x that changes"]),
+]
+
+
+@pytest.fixture(scope="module")
+def wrong_files(frame, tmp_path_factory):
+    directory = tmp_path_factory.mktemp("wrong")
+    frame.to_csv(directory / "log.csv", index=False)
+    text = frame.astype(object)
+    text.loc[10, "tx"] = "n/a?"
+    text.to_csv(directory / "cell.csv", index=False)
+    frame.assign(wy=frame["wy"].where(frame.index != 10)).to_csv(directory / "hole.csv", index=False)
+    frame.drop(index=[51, 52]).to_csv(directory / "gap.csv", index=False)
+    frame.assign(t=frame["t"].where(frame.index != 20, 0.0)).to_csv(directory / "back.csv", index=False)
+    frame.assign(wx=1.0, wy=2.0, wz=3.0).to_csv(directory / "still.csv", index=False)
+    (directory / "bad.toml").write_text("horizn = 3\n")
+    (directory / "bounds.toml").write_text("x_bounds = [1.0, -1.0]\n")
+    return directory
+
+
+@pytest.mark.parametrize(("arguments", "words"), WRONG, ids=lambda value: " ".join(value)[:60])
+def test_wrong_usage_is_one_line_and_exit_code_2(wrong_files, arguments, words):
+    before = sorted(os.listdir(wrong_files))
+    result = ddmhe_run(*arguments, cwd=wrong_files)
+    assert result.returncode == 2, result.stdout + result.stderr
+    assert re.fullmatch(r"ddmhe: error: [^\n]+\n", result.stderr), result.stderr
+    for word in words:
+        assert word in result.stderr
+    assert result.stdout.strip() == ""
+    assert sorted(os.listdir(wrong_files)) == before
+
+
+DATA = Path(os.environ.get("DDMHE_DATA", Path(__file__).parents[3] / "shared" / "data")) / "repoimu-pendulum"
+
+
+@pytest.mark.skipif(not DATA.is_dir(), reason="no measured logs: set DDMHE_DATA to the directory of data sets")
+@pytest.mark.parametrize("trial", ["Test03", "Test04", "Test05", "Test06", "Test07", "Test08"])
+def test_measured_pendulum_logs(trial, tmp_path):
+    """From the accelerometer alone the rate of a swinging pendulum is known better than by its mean."""
+    path = DATA / f"{trial}_Trial1_Segment_1.csv"
+    log = pd.read_csv(path).iloc[::4]
+    rates = ["omega_x_rad_s", "omega_y_rad_s", "omega_z_rad_s"]
+    moving = int(np.argmax(np.linalg.norm(log[rates], axis=1) > 0.5))
+    start = log["time_s"].iloc[moving + 20]
+    columns = ["--state", ",".join(rates), "--output", "acc_x_m_s2,acc_y_m_s2,acc_z_m_s2"]
+    options = ["--history", 3.6, "--decimate", 4, "--start", start, "--out", tmp_path / "est.csv"]
+    result = ddmhe_run("estimate", path, *columns, *options)
+    assert result.returncode == 0, result.stderr
+    assert printed(result, "NRMSE") < 0.6
+    assert pd.read_csv(tmp_path / "est.csv")["time_s"].isin(log["time_s"]).all()

@@ -1,0 +1,80 @@
+//! Linear systems: recovery, bounds, growing window.
+
+use crate::systems::{modes, noise};
+use ddmhe_core::{Bounds, Config, DdMhe, Space, Status};
+
+fn config(horizon: usize) -> Config {
+    Config { horizon: Some(horizon), rho: Some(0.9), mu: Some(10.0), space: Space::Exact, ..Config::default() }
+}
+
+fn distance(a: &[f64], b: &[f64]) -> f64 {
+    assert_eq!(a.len(), b.len());
+    a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
+}
+
+#[test]
+fn noise_free_states_are_recovered() {
+    for blocks in 1..=3 {
+        let system = modes(blocks);
+        let n = system.n();
+        let history = system.record(&noise(1, n, 2.0), 60);
+        let (truth, outputs) = system.simulate(&noise(2, n, 2.0), 50);
+        let mut mhe = DdMhe::new(&history, Config { x_prior: Some(truth[..n].to_vec()), ..config(20) }).unwrap();
+        assert_eq!(mhe.settings().rank, n);
+        let log = mhe.run(&outputs).unwrap();
+        assert!(distance(&log.x, &truth[n..]) < 1e-10);
+        assert!(log.status.iter().all(|s| *s == Status::Optimal));
+    }
+}
+
+#[test]
+fn bounds_hold_and_the_solver_runs_only_when_they_bind() {
+    let system = modes(2);
+    let (n, p) = (system.n(), system.p());
+    let history = system.record(&noise(1, n, 2.0), 60);
+    let (_, mut outputs) = system.simulate(&noise(2, n, 2.0), 40);
+    outputs.iter_mut().zip(noise(3, 40 * p, 0.2)).for_each(|(y, v)| *y += v);
+    let v_bounds = Some(Bounds { lo: vec![-0.2; p], hi: vec![0.2; p] });
+    let mut boxed = DdMhe::new(&history, Config { v_bounds, ..config(10) }).unwrap();
+    let mut solved = 0;
+    for y in outputs.chunks(p) {
+        let e = boxed.step(y).unwrap();
+        assert_eq!(e.status, Status::Optimal);
+        assert!(e.v.iter().all(|v| v.abs() <= 0.2 + 1e-9));
+        assert_eq!(e.iterations > 0, e.active > 0, "{e:?}");
+        solved += usize::from(e.iterations > 0);
+    }
+    assert!((5..40).contains(&solved), "{solved}");
+}
+
+#[test]
+fn a_box_that_misses_the_answer_changes_it_and_raises_the_cost() {
+    let system = modes(1);
+    let history = system.record(&[1.0, 0.5], 40);
+    let (truth, outputs) = system.simulate(&[1.0, 0.5], 10);
+    let (mut free, mut boxed) = (DdMhe::new(&history, config(10)).unwrap(), DdMhe::new(&history, config(10)).unwrap());
+    free.run(&outputs[..18]).unwrap();
+    boxed.run(&outputs[..18]).unwrap();
+    let hi = vec![truth[20] - 0.1, f64::INFINITY];
+    let limits = Bounds {
+        lo: [vec![f64::NEG_INFINITY; 20], vec![f64::NEG_INFINITY; 2]].concat(),
+        hi: [vec![f64::INFINITY; 20], hi].concat(),
+    };
+    let free = free.step(&outputs[18..]).unwrap().clone();
+    let boxed = boxed.step_within(&outputs[18..], Some(&limits)).unwrap();
+    assert!((boxed.x[0] - (truth[20] - 0.1)).abs() < 1e-9);
+    assert!(boxed.cost > free.cost + 1e-3);
+    assert_eq!(boxed.active, 1);
+}
+
+#[test]
+fn a_snapshot_continues_with_the_same_numbers() {
+    let system = modes(2);
+    let (n, p) = (system.n(), system.p());
+    let history = system.record(&noise(1, n, 2.0), 60);
+    let (_, outputs) = system.simulate(&noise(2, n, 2.0), 40);
+    let mut mhe = DdMhe::new(&history, Config::default()).unwrap();
+    mhe.run(&outputs[..15 * p]).unwrap();
+    let mut again = DdMhe::restore(&mhe.snapshot()).unwrap();
+    assert_eq!(again.run(&outputs[15 * p..]).unwrap(), mhe.run(&outputs[15 * p..]).unwrap());
+}
