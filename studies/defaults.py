@@ -113,7 +113,7 @@ def cases():
     curve = DATA / "eddy-brake" / "torque_vs_slip_speed.csv"
     if curve.is_file():
         measured = TorqueCurve.from_csv(curve)
-        brake = ddmhe.models.spin_down(omega_0=100.0, inertia=2.0, torque_curve=measured)
+        brake = ddmhe.models.spin_down(omega_0=60.0, inertia=0.6, torque_curve=measured)  # rising branch
         for seed, sigma in product(range(4), (0.05, 0.5)):
             yield spin_down("spin-down, measured brake curve", brake, 0.1, sigma, seed)
     for path in sorted((DATA / "repoimu-pendulum").glob("*.csv")):

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from rich.table import Table
 
 from ddmhe import models, report
-from ddmhe._core import DdMhe, Exact, History
+from ddmhe._core import DdMhe, History, Truncated
 
 Array = NDArray[np.float64]
 
@@ -28,11 +28,12 @@ T = round(HISTORY / DT)
 STEPS = round(DURATION / DT) - T
 BOX = 10 * math.pi / 60
 """Half width of the box on every state, rad/s, around the history's window: Section IV-A1."""
-PAPER: dict[str, Any] = {"horizon": 10, "rho": 0.8, "mu": 1e5}
+PAPER: dict[str, Any] = {"horizon": 10, "rho": 0.8, "mu": 1e5, "space": Truncated(3)}
+"""The printed weights, with as many directions as the system has states: all directions of a noisy recording, which the
+printed equality admits, make the estimate diverge."""
 SETTINGS: dict[str, dict[str, Any]] = {
     "defaults": {},
     "paper's weights": PAPER,
-    "paper as printed": {**PAPER, "space": Exact()},
 }
 SPANS = (20.0, 40.0, 100.0)
 AXES = ("omega_x", "omega_y", "omega_z")

@@ -13,11 +13,12 @@
 //! | ρ | 0.95 | anything from 0.9 to 0.97 does |
 //! | M | 20 + f (M₁ - 20), M₁ the longest horizon with 0.4 T windows left (0.6 T in one recording), at most 100 | a complete state needs a few samples; hidden parts must be read off the outputs' past |
 //!
-//! With f at rounding level the weight is zero and the space exact. `make study-defaults` measures the rule against the
-//! best settings in hindsight.
+//! With f at rounding level the weight is zero and the space exact. Should the map from prior to estimate come out
+//! unstable (spectral radius above [`tol::SPECTRAL_RADIUS`](crate::tol::SPECTRAL_RADIUS)), the weight is raised tenfold
+//! until it is not. `make study-defaults` measures the rule against the best settings in hindsight.
 
 use crate::history::History;
-use crate::space::{Penalty, Scaling, Selection};
+use crate::space::{self, Penalty, Scaling, Selection};
 use faer::Mat;
 use faer::linalg::solvers::SolveLstsq;
 
@@ -51,9 +52,16 @@ pub(crate) struct Defaults {
 
 impl Defaults {
     /// Applies the rule.
-    pub fn new(history: &History, scaling: &Scaling) -> Self {
-        let [f_x, f_y] = misfit(history);
+    ///
+    /// `rest` is a known equilibrium (x_e, y_e); on a noisy recording it counts as part of the data, as in
+    /// [`space`](crate::space).
+    pub fn new(history: &History, scaling: &Scaling, rest: Option<(&[f64], &[f64])>) -> Self {
+        let [f_x, f_y] = misfit(history, None);
         let [noise_x, noise_y] = noise(history);
+        // Noise leaves a residual *and* fifth differences; curvature alone leaves one of the two.
+        let relative = |noise: f64, s: f64, f: f64| (noise / s).min(f.sqrt());
+        let noisy = relative(noise_x, scaling.s_x, f_x).max(relative(noise_y, scaling.s_y, f_y)) > NOISY;
+        let [f_x, f_y] = if noisy && rest.is_some() { misfit(history, rest) } else { [f_x, f_y] };
         let misfit = f_x.max(f_y);
         // With one recording of T outputs: 0.6 T. Seams cost windows, and so shorten the horizon.
         let enough = ((1.0 - HORIZON.1) * history.T() as f64).ceil() as usize;
@@ -61,9 +69,6 @@ impl Defaults {
         let hidden = longest(enough.max(1)).min(LONGEST) as f64;
         let complete = HORIZON.0 as f64;
         let horizon = (complete + misfit * (hidden - complete)).round().max(1.0) as usize;
-        // Noise leaves a residual *and* fifth differences; curvature alone leaves one of the two.
-        let relative = |noise: f64, s: f64, f: f64| (noise / s).min(f.sqrt());
-        let noisy = relative(noise_x, scaling.s_x, f_x).max(relative(noise_y, scaling.s_y, f_y)) > NOISY;
         Defaults { horizon: horizon.min(longest(2 * history.n() + 1)), rho: RHO, mu: MU, misfit, noisy }
     }
 
@@ -79,27 +84,38 @@ impl Defaults {
 }
 
 /// Shares of the variance of x(k+1) and of y(k), pooled over channels, that an affine function of x(k) leaves
-/// unexplained, corrected for its n + 1 degrees of freedom; at most 1.
-fn misfit(history: &History) -> [f64; 2] {
+/// unexplained, corrected for its n + 1 degrees of freedom; at most 1. A rest counts as often as in the space.
+fn misfit(history: &History, rest: Option<(&[f64], &[f64])>) -> [f64; 2] {
     let (n, p) = (history.n(), history.p());
-    let samples: Vec<(usize, usize)> =
-        (0..history.recordings()).flat_map(|i| (0..history.y(i).len() / p).map(move |k| (i, k))).collect();
-    if samples.len() <= n + 1 {
+    let mut regressor: Vec<&[f64]> = Vec::new(); // x(k)
+    let mut target: Vec<[&[f64]; 2]> = Vec::new(); // x(k+1), y(k)
+    for i in 0..history.recordings() {
+        let x: Vec<&[f64]> = history.x(i).chunks_exact(n).collect();
+        target.extend(x[1..].iter().zip(history.y(i).chunks_exact(p)).map(|(x, y)| [*x, y]));
+        regressor.extend(&x[..x.len() - 1]);
+    }
+    let recorded = regressor.len();
+    if let Some((x, y)) = rest {
+        for _ in 0..space::copies(regressor.len()) {
+            regressor.push(x);
+            target.push([x, y]);
+        }
+    }
+    let samples = regressor.len();
+    if samples <= n + 1 {
         return [0.0; 2];
     }
-    let x = |row: usize, j: usize, ahead: usize| history.x(samples[row].0)[(samples[row].1 + ahead) * n + j];
-    let y = |row: usize, j: usize| history.y(samples[row].0)[samples[row].1 * p + j];
     // Centred columns: the ones column is taken care of, and large offsets cost no digits.
-    let regressor = centred(Mat::from_fn(samples.len(), n, |i, j| x(i, j, 0)));
-    let target = centred(Mat::from_fn(samples.len(), n + p, |i, j| if j < n { x(i, j, 1) } else { y(i, j - n) }));
-    let total = |columns: std::ops::Range<usize>, M: &Mat<f64>| {
-        M.as_ref().subcols(columns.start, columns.len()).squared_norm_l2()
-    };
-    let residual = &target - &regressor * regressor.col_piv_qr().solve_lstsq(&target);
-    let correction = samples.len() as f64 / (samples.len() - n - 1) as f64;
-    [0..n, n..n + p].map(|columns| {
-        let variance = total(columns.clone(), &target);
-        if variance > 0.0 { (correction * total(columns, &residual) / variance).min(1.0) } else { 0.0 }
+    let X = centred(Mat::from_fn(samples, n, |i, j| regressor[i][j]));
+    let Y = centred(Mat::from_fn(samples, n + p, |i, j| if j < n { target[i][0][j] } else { target[i][1][j - n] }));
+    let residual = &Y - &X * X.col_piv_qr().solve_lstsq(&Y);
+    // The variance is that of the recording alone: it is what scales the space.
+    let Y = centred(Y.submatrix(0, 0, recorded, n + p).to_owned());
+    let squares = |M: &Mat<f64>, first: usize, columns: usize| M.as_ref().subcols(first, columns).squared_norm_l2();
+    [(0, n), (n, p)].map(|(first, columns)| {
+        let unexplained = squares(&residual, first, columns) / (samples - n - 1) as f64;
+        let variance = squares(&Y, first, columns) / recorded as f64;
+        if variance > 0.0 { (unexplained / variance).min(1.0) } else { 0.0 }
     })
 }
 

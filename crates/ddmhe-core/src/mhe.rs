@@ -100,26 +100,29 @@ impl DdMhe {
     pub fn new(history: &History, config: Config) -> Result<Self, Error> {
         validate(history, &config)?;
         let scaling = Scaling::new(history)?;
-        let rule = Defaults::new(history, &scaling);
+        let rest = config.equilibrium.as_ref().map(|(x, y)| (&x[..], &y[..]));
+        let rule = Defaults::new(history, &scaling, rest);
         let unit = (scaling.s_y / scaling.s_x).powi(2); // μ in scaled units is μ·unit
         let weights = Weights { rho: config.rho.unwrap_or(rule.rho), mu: config.mu.map_or(rule.mu, |mu| mu * unit) };
         let horizon = config.horizon.unwrap_or(rule.horizon);
         check_excitation(history, horizon)?;
 
-        let equilibrium_used = config.equilibrium.is_some() && rule.noisy;
-        let rest = config.equilibrium.as_ref().filter(|_| equilibrium_used).map(|(x, y)| (&x[..], &y[..]));
-        let selection = select(&config.space, &rule, weights.mu, history.n());
-        let stack = WindowStack::new(history, &scaling, horizon, rest);
-        let first = if config.warm_start { (recorded_outputs(history) + 1).min(horizon) } else { 1 };
-        let problems = (first..=horizon)
-            .map(|depth| {
-                let rows = Rows { n: history.n(), p: history.p(), depth };
-                let space = stack.space(depth, &selection);
-                WindowProblem::new(rows, space, weights, config.x_center == Center::History, None)
-                    .map_err(factorisation)
-            })
-            .collect::<Result<Vec<_>, _>>()?;
-        let deepest = &problems[problems.len() - 1];
+        let equilibrium_used = rest.is_some() && rule.noisy;
+        let stack = WindowStack::new(history, &scaling, horizon, rest.filter(|_| equilibrium_used));
+        let centered = config.x_center == Center::History;
+        let problem = |depth: usize, selection: &Selection| {
+            let rows = Rows { n: history.n(), p: history.p(), depth };
+            WindowProblem::new(rows, stack.space(depth, selection), weights, centered, None).map_err(factorisation)
+        };
+        let mut selection = select(&config.space, &rule, weights.mu, history.n());
+        let mut deepest = problem(horizon, &selection)?;
+        for _ in 0..tol::GUARD {
+            if config.space != Space::Auto || spectral_radius(&deepest) <= tol::SPECTRAL_RADIUS {
+                break;
+            }
+            selection = selection.heavier();
+            deepest = problem(horizon, &selection)?;
+        }
         let settings = Settings {
             horizon,
             rho: weights.rho,
@@ -128,7 +131,10 @@ impl DdMhe {
             lambda: deepest.space.lambda,
             equilibrium_used,
         };
-        let spectral_radius = spectral_radius(deepest);
+        let spectral_radius = spectral_radius(&deepest);
+        let first = if config.warm_start { (recorded_outputs(history) + 1).min(horizon) } else { 1 };
+        let mut problems = (first..horizon).map(|depth| problem(depth, &selection)).collect::<Result<Vec<_>, _>>()?;
+        problems.push(deepest);
         let mut mhe = DdMhe {
             history: history.clone(),
             config,

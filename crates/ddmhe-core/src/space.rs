@@ -62,6 +62,18 @@ pub(crate) struct Selection {
     pub penalty: Penalty,
 }
 
+impl Selection {
+    /// The same with ten times the weight.
+    pub fn heavier(self) -> Self {
+        let penalty = match self.penalty {
+            Penalty::None => Penalty::None,
+            Penalty::Normalised(weight) => Penalty::Normalised(10.0 * weight),
+            Penalty::Alpha(weight) => Penalty::Alpha(10.0 * weight),
+        };
+        Selection { penalty, ..self }
+    }
+}
+
 /// The two ways to state a weight on ‖α‖².
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum Penalty {
@@ -199,7 +211,7 @@ impl<'a> WindowStack<'a> {
         let recorded = self.history.windows(depth);
         let late = self.rows(depth, self.depth);
         let shared = self.R.nrows().min(1 + d);
-        let copies = if self.equilibrium.is_some() { (3 * recorded / 10).max(2) } else { 0 };
+        let copies = if self.equilibrium.is_some() { copies(recorded) } else { 0 };
 
         let mut stacked = Mat::zeros(shared + late.nrows() + usize::from(copies > 0), 1 + d);
         for j in 0..=d {
@@ -241,6 +253,11 @@ impl Scaling {
         let y = y.iter().zip(&self.mean_y).map(|(v, m)| (v - m) / self.s_y);
         x.chain(y).collect()
     }
+}
+
+/// How often a known rest counts beside `recorded` windows.
+pub(crate) fn copies(recorded: usize) -> usize {
+    (3 * recorded / 10).max(2)
 }
 
 /// The triangular factor of a QR decomposition, min(rows, columns) × columns, zeros below the diagonal.

@@ -27,3 +27,6 @@ pub const ACTIVE_SET_CHANGES: usize = 100;
 /// Spectral radius of the map prior → estimate above which the estimator is reported as unstable:
 /// above 1.02 the median 3-DOF error grew twentyfold within 100 s, at 1.005 it did not.
 pub const SPECTRAL_RADIUS: f64 = 1.005;
+
+/// How often the default rule may raise its weight tenfold to get below [`SPECTRAL_RADIUS`]: from its floor to 1.
+pub const GUARD: usize = 8;

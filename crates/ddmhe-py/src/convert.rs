@@ -129,3 +129,10 @@ pub fn array2<'py>(py: Python<'py>, data: Vec<f64>, width: usize) -> PyResult<Bo
     let rows = data.len() / width;
     data.into_pyarray(py).reshape([rows, width])
 }
+
+/// A whole number of at least 1.
+pub fn whole(argument: &'static str, value: &Bound<'_, PyAny>) -> PyResult<usize> {
+    let wrong = || DdmheError::new_err(format!("{argument}: expected a whole number of at least 1, found {value}"));
+    let number: i64 = value.extract().map_err(|_| wrong())?;
+    usize::try_from(number).ok().filter(|&m| m > 0).ok_or_else(wrong)
+}

@@ -1,6 +1,6 @@
 //! `ddmhe.DdMhe`, `ddmhe.Estimate`, `ddmhe.Log`.
 
-use crate::convert::{DdmheError, Numbers, ShapeError, array1, array2, bounds, raise};
+use crate::convert::{DdmheError, Numbers, ShapeError, array1, array2, bounds, raise, whole};
 use crate::history::History;
 use crate::spaces;
 use ddmhe_core::{Bounds, Center, Config, Space};
@@ -75,7 +75,7 @@ impl DdMhe {
             .get();
         let (n, p) = (history.core.n(), history.core.p());
         let config = Config {
-            horizon: horizon.map(whole).transpose()?,
+            horizon: horizon.map(|v| whole("horizon", v)).transpose()?,
             rho,
             mu,
             x_prior: x_prior.map(|v| Numbers::vector("x_prior", v, n)).transpose()?,
@@ -229,12 +229,6 @@ impl DdMhe {
             self.core.t()
         )
     }
-}
-
-fn whole(value: &Bound<'_, PyAny>) -> PyResult<usize> {
-    let wrong = || DdmheError::new_err(format!("horizon: expected a whole number of at least 1, found {value}"));
-    let number: i64 = value.extract().map_err(|_| wrong())?;
-    usize::try_from(number).ok().filter(|&m| m > 0).ok_or_else(wrong)
 }
 
 fn center(value: &Bound<'_, PyAny>) -> PyResult<Center> {

@@ -1,6 +1,6 @@
 //! `ddmhe.Exact`, `ddmhe.Truncated`, `ddmhe.Ridge`.
 
-use crate::convert::DdmheError;
+use crate::convert::{DdmheError, whole};
 use ddmhe_core::Space;
 use pyo3::IntoPyObjectExt;
 use pyo3::prelude::*;
@@ -45,8 +45,8 @@ pub struct Truncated {
 impl Truncated {
     #[new]
     #[pyo3(signature = (rank=None, tol=None))]
-    fn new(rank: Option<usize>, tol: Option<f64>) -> Self {
-        Truncated { rank, tol }
+    fn new(rank: Option<&Bound<'_, PyAny>>, tol: Option<f64>) -> PyResult<Self> {
+        Ok(Truncated { rank: rank.map(|r| whole("rank", r)).transpose()?, tol })
     }
 
     fn __repr__(&self) -> String {
