@@ -26,9 +26,10 @@ test: setup ## all tests: Rust, then Python
 	cargo test --workspace --release --locked
 	$(PY) -m pytest
 
-lint: rust-components packages ## formatting, clippy, ruff, mypy
+lint: rust-components packages ## formatting, clippy, rustdoc, ruff, mypy
 	cargo fmt --all --check
 	cargo clippy --workspace --all-targets --locked -- -D warnings
+	RUSTDOCFLAGS="-D warnings" cargo doc --no-deps -p ddmhe-core --locked
 	$(PY) -m ruff check
 	$(PY) -m ruff format --check
 	$(PY) -m mypy

@@ -137,25 +137,32 @@ def test_missing_outputs_equal_least_squares_without_them(seed):
 
 @pytest.mark.parametrize("seed", range(8))
 def test_ridge_weight_is_that_of_the_printed_problem(seed):
-    """Ridge(w) minimises (17) + w‖α‖² over α with 1ᵀα = 1: checked by solving for α itself."""
+    """Ridge(w) minimises (17) + w‖α‖² over α with 1ᵀα = 1: checked by solving for α itself, at every depth.
+
+    The data are two noisy recordings, so every window counts, and windows across the seam would show.
+    """
     rng = np.random.default_rng(seed)
-    n, p, M, T = 2, 2, 6, 30
+    n, p, M = 2, 2, 6
     system = random_system(rng, n, p)
-    x, y = system.simulate(rng.standard_normal(n) * 3, T)
-    x, y = x + 0.1 * rng.standard_normal(x.shape), y + 0.1 * rng.standard_normal(y.shape)
+    recordings = []
+    for T in (30, 9):
+        x, y = system.simulate(rng.standard_normal(n) * 3, T)
+        recordings.append((x + 0.1 * rng.standard_normal(x.shape), y + 0.1 * rng.standard_normal(y.shape)))
     outputs, prior, rho, mu, weight = rng.standard_normal((M, p)), rng.standard_normal(n), 0.8, 2.0, 0.7
-    estimator = ddmhe.DdMhe(ddmhe.History(x, y), M, rho, mu, x_prior=prior, space=ddmhe.Ridge(weight))
-    for sample in outputs:
-        estimate = estimator.step(sample)
-    H_x, H_y = hankel(x, M + 1), hankel(y, M)
-    N = H_y.shape[1]
-    noise = np.repeat(mu * rho ** np.arange(M - 1, -1, -1.0), p)
-    hessian = 2 * rho**M * H_x[:n].T @ H_x[:n] + H_y.T @ (noise[:, None] * H_y) + weight * np.eye(N)
-    gradient = 2 * rho**M * H_x[:n].T @ prior + H_y.T @ (noise * outputs.ravel())
-    kkt = np.block([[hessian, np.ones((N, 1))], [np.ones((1, N)), np.zeros((1, 1))]])
-    alpha = np.linalg.solve(kkt, np.append(gradient, 1.0))[:N]
-    assert np.allclose(estimate.window.ravel(), H_x @ alpha, rtol=0, atol=1e-9)
-    assert np.allclose(estimate.v.ravel(), outputs.ravel() - H_y @ alpha, rtol=0, atol=1e-9)
+    history = ddmhe.History.concat([ddmhe.History(x, y) for x, y in recordings])
+    estimator = ddmhe.DdMhe(history, M, rho, mu, x_prior=prior, space=ddmhe.Ridge(weight))
+    for depth in range(1, M + 1):
+        estimate = estimator.step(outputs[depth - 1])
+        H_x = np.hstack([hankel(x, depth + 1) for x, _ in recordings])
+        H_y = np.hstack([hankel(y, depth) for _, y in recordings])
+        N, seen = H_y.shape[1], outputs[:depth].ravel()
+        noise = np.repeat(mu * rho ** np.arange(depth - 1, -1, -1.0), p)
+        hessian = 2 * rho**depth * H_x[:n].T @ H_x[:n] + H_y.T @ (noise[:, None] * H_y) + weight * np.eye(N)
+        gradient = 2 * rho**depth * H_x[:n].T @ prior + H_y.T @ (noise * seen)
+        kkt = np.block([[hessian, np.ones((N, 1))], [np.ones((1, N)), np.zeros((1, 1))]])
+        alpha = np.linalg.solve(kkt, np.append(gradient, 1.0))[:N]
+        assert np.allclose(estimate.window.ravel(), H_x @ alpha, rtol=0, atol=1e-9)
+        assert np.allclose(estimate.v.ravel(), seen - H_y @ alpha, rtol=0, atol=1e-9)
 
 
 @pytest.mark.parametrize("seed", range(8))

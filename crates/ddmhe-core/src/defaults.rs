@@ -7,7 +7,7 @@
 //!
 //! | setting | rule | reason |
 //! |---|---|---|
-//! | weight | λ = max(0.03 f, 1e-7) μ; 0 when f is rounding | in the coordinates a (see [`space`](crate::space)) a window is a draw of zero mean and unit variance, and its outputs deviate by a share f of their variance: λ/μ grows like f. The factor and the floor (a curved system leaves the recorded region) are measured |
+//! | weight | λ = max(0.03 f, 1e-7) μ; 0 when f is rounding | in the coordinates a (see [`space`]) a window is a draw of zero mean and unit variance, and its outputs deviate by a share f of their variance: λ/μ grows like f. The factor and the floor (a curved system leaves the recorded region) are measured |
 //! | rank | all directions above rounding | the weight fades out what the noise has filled; a cut at a rank made 3-DOF estimates diverge on noisy recordings |
 //! | μ | 0.1 in scaled units, 0.1 s_x²/s_y² in those of (17) | measured; 0.1 to 1 do |
 //! | ρ | 0.95 | anything from 0.9 to 0.97 does |
@@ -54,7 +54,7 @@ impl Defaults {
     /// Applies the rule.
     ///
     /// `rest` is a known equilibrium (x_e, y_e); on a noisy recording it counts as part of the data, as in
-    /// [`space`](crate::space).
+    /// [`space`].
     pub fn new(history: &History, scaling: &Scaling, rest: Option<(&[f64], &[f64])>) -> Self {
         let [f_x, f_y] = misfit(history, None);
         let [noise_x, noise_y] = noise(history);

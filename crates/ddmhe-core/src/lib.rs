@@ -45,6 +45,7 @@
 //!
 //! `Err` means that an input was wrong; what the optimisation found is [`Estimate::status`].
 
+mod config;
 pub mod defaults;
 mod error;
 mod estimate;
@@ -57,10 +58,11 @@ pub mod space;
 pub mod tol;
 mod window;
 
+pub use config::{Bounds, Center, Config, Settings};
 pub use error::Error;
 pub use estimate::{Estimate, Log};
 pub use hankel::{BlockHankel, RankReport};
 pub use history::History;
-pub use mhe::{Bounds, Center, Config, DdMhe, Settings};
+pub use mhe::DdMhe;
 pub use qp::Status;
 pub use space::{Scaling, Space, TrajectorySpace};

@@ -3,9 +3,10 @@
 //! A snapshot holds the recording, the configuration and the window; everything computed from them is computed
 //! again on [`DdMhe::restore`], so that a restored estimator continues with the same numbers.
 
+use crate::config::Config;
 use crate::error::Error;
 use crate::history::History;
-use crate::mhe::{Config, DdMhe};
+use crate::mhe::DdMhe;
 use serde::{Deserialize, Serialize};
 
 /// First bytes of every snapshot: name and format version.

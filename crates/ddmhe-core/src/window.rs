@@ -1,6 +1,6 @@
 //! The optimisation (16), (17) over the windows of one depth, reduced and factored.
 //!
-//! With the space w = c + B b of [`space`](crate::space), everything in scaled units, and F the rows of B that the
+//! With the space w = c + B b of [`space`], everything in scaled units, and F the rows of B that the
 //! cost (17) sees (x(0) and all y), each times the square root of its weight,
 //!
 //! > minimise ‖F b - f‖² + λ‖b‖²,  f = weighted [x̄(t-m) - c_x(0);  y - c_y]
@@ -8,7 +8,7 @@
 //!
 //! [F; √λ I] = Q R gives the unconstrained minimiser b* = K [x̄ - c_x(0); y - c_y] with a gain K known at construction.
 //! When it satisfies every bound it is the answer. Otherwise t = R (b - b*) turns the rest into the
-//! least-distance problem of [`qp`](crate::qp) with A = B R⁻¹.
+//! least-distance problem of [`qp`] with A = B R⁻¹.
 
 use crate::qp::{LeastDistance, Status};
 use crate::space::TrajectorySpace;

@@ -1,0 +1,159 @@
+//! Settings of the estimator, and the checks of every argument.
+
+use crate::error::Error;
+use crate::history::{History, check_finite};
+use crate::space::Space;
+use serde::{Deserialize, Serialize};
+
+/// A box lo ≤ · ≤ hi; infinite entries are no bounds.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Bounds {
+    /// Lower bounds, one per channel.
+    pub lo: Vec<f64>,
+    /// Upper bounds, one per channel.
+    pub hi: Vec<f64>,
+}
+
+/// What the box on the states is relative to.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+pub enum Center {
+    /// Nothing: the bounds are absolute.
+    #[default]
+    Absolute,
+    /// x_c(t) = H_x H_y† y, the window that the recording alone associates with the measured outputs
+    /// (Liu 2026, IV-A1, in affine form).
+    History,
+}
+
+/// Settings of the estimator; every `None` is set by the documented rule of [`defaults`](crate::defaults).
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+pub struct Config {
+    /// Horizon M ≥ 1.
+    pub horizon: Option<usize>,
+    /// Discount ρ in (0, 1).
+    pub rho: Option<f64>,
+    /// Noise weight μ > 0 of (17), in (unit of x / unit of y)².
+    pub mu: Option<f64>,
+    /// Prior x̄(0) (n); the last recorded state when absent.
+    pub x_prior: Option<Vec<f64>>,
+    /// Box on every state of the window (16c).
+    pub x_bounds: Option<Bounds>,
+    /// What `x_bounds` are relative to.
+    pub x_center: Center,
+    /// Box on the fitted noise (16d).
+    pub v_bounds: Option<Bounds>,
+    /// A known rest (x_e, y_e), added to the data as constant windows when the recording is noisy.
+    pub equilibrium: Option<(Vec<f64>, Vec<f64>)>,
+    /// Start with the window filled from the recording's end instead of growing it from 1 to M.
+    pub warm_start: bool,
+    /// Which windows count as trajectories.
+    pub space: Space,
+}
+
+/// The settings in force after the defaults are filled in.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Settings {
+    /// Horizon M.
+    pub horizon: usize,
+    /// Discount ρ.
+    pub rho: f64,
+    /// Noise weight μ in the units of (17).
+    pub mu: f64,
+    /// Directions kept at full depth.
+    pub rank: usize,
+    /// Weight λ on ‖a‖² (see [`space`](crate::space)), 0 for none.
+    pub lambda: f64,
+    /// Whether the equilibrium was added to the data (a noise-free recording does better without it).
+    pub equilibrium_used: bool,
+}
+
+/// Every setting alone, before anything is computed.
+pub(crate) fn validate(history: &History, config: &Config) -> Result<(), Error> {
+    let (n, p) = (history.n(), history.p());
+    if let Some(rho) = config.rho
+        && !(rho > 0.0 && rho < 1.0)
+    {
+        return Err(Error::value("rho", "a number in (0, 1)", rho));
+    }
+    if let Some(mu) = config.mu
+        && !(mu > 0.0 && mu.is_finite())
+    {
+        return Err(Error::value("mu", "a positive finite number", mu));
+    }
+    if config.horizon == Some(0) {
+        return Err(Error::value("horizon", "at least 1", 0));
+    }
+    match config.space {
+        Space::Truncated { rank: Some(0), .. } => {
+            return Err(Error::value("space", "Truncated with rank at least 1", 0));
+        }
+        Space::Truncated { tol: Some(tol), .. } if !(0.0..1.0).contains(&tol) => {
+            return Err(Error::value("space", "Truncated with tol in [0, 1)", tol));
+        }
+        Space::Ridge { weight } if !(weight > 0.0 && weight.is_finite()) => {
+            return Err(Error::value("space", "Ridge with a positive finite weight", weight));
+        }
+        _ => {}
+    }
+    if let Some(x) = &config.x_prior {
+        check_vector("x_prior", x, n)?;
+    }
+    if let Some(bounds) = &config.x_bounds {
+        check_box("x_bounds", bounds, &[n])?;
+    }
+    if let Some(bounds) = &config.v_bounds {
+        check_box("v_bounds", bounds, &[p])?;
+    }
+    if let Some((x, y)) = &config.equilibrium {
+        check_vector("equilibrium", x, n)?;
+        check_vector("equilibrium", y, p)?;
+    }
+    Ok(())
+}
+
+pub(crate) fn check_vector(argument: &'static str, x: &[f64], len: usize) -> Result<(), Error> {
+    if x.len() != len {
+        return Err(Error::shape(argument, format!("{len} numbers"), x.len()));
+    }
+    check_finite(argument, x, len)
+}
+
+/// Sizes, no NaN, lo ≤ hi, and neither side beyond reach.
+pub(crate) fn check_box(argument: &'static str, bounds: &Bounds, lengths: &[usize]) -> Result<(), Error> {
+    for side in [&bounds.lo, &bounds.hi] {
+        if !lengths.contains(&side.len()) || side.len() != bounds.lo.len() {
+            let allowed: Vec<String> = lengths.iter().map(ToString::to_string).collect();
+            return Err(Error::shape(
+                argument,
+                format!("{} numbers in lo and in hi", allowed.join(" or ")),
+                side.len(),
+            ));
+        }
+    }
+    for (i, (&lo, &hi)) in bounds.lo.iter().zip(&bounds.hi).enumerate() {
+        let crossed = !(lo <= hi) || lo == f64::INFINITY || hi == f64::NEG_INFINITY;
+        if crossed {
+            return Err(Error::value(
+                argument,
+                "lo <= hi in every entry",
+                format!("lo = {lo}, hi = {hi} in entry {i}"),
+            ));
+        }
+    }
+    Ok(())
+}
+
+pub(crate) fn check_output(y: &[f64], p: usize) -> Result<(), Error> {
+    if y.len() != p {
+        return Err(Error::shape("y", format!("{p} numbers"), y.len()));
+    }
+    check_measured("y", y, p)
+}
+
+/// NaN means "not measured"; infinity is an error.
+pub(crate) fn check_measured(argument: &'static str, y: &[f64], p: usize) -> Result<(), Error> {
+    match y.iter().position(|v| v.is_infinite()) {
+        None => Ok(()),
+        Some(k) => Err(Error::NotFinite { argument, row: k / p, column: k % p, value: y[k] }),
+    }
+}
