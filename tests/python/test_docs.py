@@ -1,0 +1,14 @@
+"""The README's code does what it says."""
+
+import re
+from pathlib import Path
+
+README = (Path(__file__).parents[2] / "README.md").read_text(encoding="utf-8")
+
+
+def test_python_example_runs(capsys):
+    (code,) = re.findall(r"```python\n(.*?)```", README, re.DOTALL)
+    exec(compile(code, "README.md", "exec"), {})
+    printed = capsys.readouterr().out
+    assert "optimal (2, 3)" in printed  # one output in: a window of two states
+    assert "['optimal']" in printed
