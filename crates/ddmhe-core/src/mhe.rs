@@ -56,12 +56,12 @@ impl DdMhe {
         };
         let mut selection = select(&config.space, &rule, weights.mu, history.n());
         let mut deepest = problem(horizon, &selection)?;
+        let mut radius = spectral_radius(&deepest);
         for _ in 0..tol::GUARD {
-            if config.space != Space::Auto || spectral_radius(&deepest) <= tol::SPECTRAL_RADIUS {
-                break;
-            }
-            selection = selection.heavier();
+            let Some(heavier) = selection.heavier().filter(|_| !stable(radius)) else { break };
+            selection = heavier;
             deepest = problem(horizon, &selection)?;
+            radius = spectral_radius(&deepest);
         }
         let settings = Settings {
             horizon,
@@ -71,8 +71,7 @@ impl DdMhe {
             lambda: deepest.space.lambda,
             equilibrium_used,
         };
-        let spectral_radius = spectral_radius(&deepest);
-        let first = if config.warm_start { (recorded_outputs(history) + 1).min(horizon) } else { 1 };
+        let first = (filled(history, &config, horizon) + 1).min(horizon);
         let mut problems = (first..horizon).map(|depth| problem(depth, &selection)).collect::<Result<Vec<_>, _>>()?;
         problems.push(deepest);
         let mut mhe = DdMhe {
@@ -82,7 +81,7 @@ impl DdMhe {
             scaling,
             weights,
             problems,
-            spectral_radius,
+            spectral_radius: radius,
             warnings: Vec::new(),
             outputs: Vec::new(),
             states: Vec::new(),
@@ -226,8 +225,7 @@ impl DdMhe {
         self.t = 0;
         self.estimate = Estimate::default();
         let last = self.history.recordings() - 1;
-        let filled =
-            if self.config.warm_start { recorded_outputs(&self.history).min(self.settings.horizon) } else { 0 };
+        let filled = filled(&self.history, &self.config, self.settings.horizon);
         let (x, y) = (self.history.x(last), self.history.y(last));
         self.outputs = y[y.len() - filled * p..].iter().map(|v| v / self.scaling.s_y).collect();
         self.states = x[x.len() - (filled + 1) * n..].iter().map(|v| v / self.scaling.s_x).collect();
@@ -253,8 +251,8 @@ impl DdMhe {
         let first = self.problems[0].rows.depth;
         let mut reduced = self.without_missing(depth)?;
         let problem = reduced.as_mut().unwrap_or(&mut self.problems[depth - first]);
-        let center = problem.centre(&f[n..]);
         let box_x = x_bounds.or(self.config.x_bounds.as_ref());
+        let center = box_x.and_then(|_| problem.centre(&f[n..]));
         let (lo, hi) =
             limits(problem.rows, &self.scaling, box_x, center.as_deref(), self.config.v_bounds.as_ref(), &self.outputs);
         let solution = problem.solve(&f, &lo, &hi);
@@ -291,8 +289,7 @@ impl DdMhe {
 
     fn warn(&self) -> Vec<String> {
         let mut warnings = Vec::new();
-        // also true for NaN, which no finite data should give
-        if self.spectral_radius.is_nan() || self.spectral_radius > tol::SPECTRAL_RADIUS {
+        if !stable(self.spectral_radius) {
             warnings.push(format!(
                 "the map from prior to estimate has spectral radius {:.4} (limit {}): estimation errors may grow; try another horizon, a larger mu or a smaller rank",
                 self.spectral_radius,
@@ -306,9 +303,10 @@ impl DdMhe {
     }
 }
 
-/// Outputs in the last recording.
-fn recorded_outputs(history: &History) -> usize {
-    history.y(history.recordings() - 1).len() / history.p()
+/// Outputs that are in the window before the first step: a warm start takes them from the last recording.
+fn filled(history: &History, config: &Config, horizon: usize) -> usize {
+    let recorded = history.y(history.recordings() - 1).len() / history.p();
+    if config.warm_start { recorded.min(horizon) } else { 0 }
 }
 
 /// The chosen space in normalised units.
@@ -372,6 +370,11 @@ fn spectral_radius(problem: &WindowProblem) -> f64 {
         .prior_to_estimate()
         .eigenvalues()
         .map_or(f64::NAN, |values| values.iter().map(|z| z.norm()).fold(0.0, f64::max))
+}
+
+/// False also for NaN, which no finite data should give.
+fn stable(spectral_radius: f64) -> bool {
+    spectral_radius <= tol::SPECTRAL_RADIUS
 }
 
 fn factorisation(_: faer::linalg::solvers::SvdError) -> Error {

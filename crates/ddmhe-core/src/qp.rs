@@ -96,8 +96,8 @@ impl LeastDistance {
     }
 
     /// A (rows × r).
-    pub fn matrix(&self) -> MatRef<'_, f64> {
-        self.A.as_ref()
+    pub fn matrix(&self) -> &Mat<f64> {
+        &self.A
     }
 
     /// Solves for the given bounds; infinite entries are no bounds.

@@ -63,14 +63,12 @@ pub(crate) struct Selection {
 }
 
 impl Selection {
-    /// The same with ten times the weight.
-    pub fn heavier(self) -> Self {
-        let penalty = match self.penalty {
-            Penalty::None => Penalty::None,
-            Penalty::Normalised(weight) => Penalty::Normalised(10.0 * weight),
-            Penalty::Alpha(weight) => Penalty::Alpha(10.0 * weight),
-        };
-        Selection { penalty, ..self }
+    /// The same with ten times the default rule's weight; None where the rule set none.
+    pub fn heavier(self) -> Option<Self> {
+        match self.penalty {
+            Penalty::Normalised(weight) => Some(Selection { penalty: Penalty::Normalised(10.0 * weight), ..self }),
+            Penalty::None | Penalty::Alpha(_) => None,
+        }
     }
 }
 
@@ -110,6 +108,19 @@ impl Scaling {
             return Err(Error::rank("history", "a state x that changes", "the same x in every sample"));
         }
         Ok(Scaling { s_x, s_y: if s_y > 0.0 { s_y } else { 1.0 }, mean_x, mean_y })
+    }
+
+    /// One sample (x, y), or x alone with an empty y, as scaled deviations from the channel means.
+    fn deviations(&self, x: &[f64], y: &[f64]) -> impl Iterator<Item = f64> {
+        let x = x.iter().zip(&self.mean_x).map(|(v, m)| (v - m) / self.s_x);
+        let y = y.iter().zip(&self.mean_y).map(|(v, m)| (v - m) / self.s_y);
+        x.chain(y)
+    }
+
+    /// The channel means of one sample (x, y), scaled.
+    fn means(&self) -> Vec<f64> {
+        let x = self.mean_x.iter().map(|m| m / self.s_x);
+        x.chain(self.mean_y.iter().map(|m| m / self.s_y)).collect()
     }
 }
 
@@ -172,7 +183,7 @@ impl<'a> WindowStack<'a> {
         depth: usize,
         equilibrium: Option<(&[f64], &[f64])>,
     ) -> Self {
-        let equilibrium = equilibrium.map(|(x, y)| scaling.sample(x, y));
+        let equilibrium = equilibrium.map(|(x, y)| scaling.deviations(x, y).collect());
         let mut stack = WindowStack { history, scaling, equilibrium, depth, R: Mat::zeros(0, 0) };
         let rows = stack.rows(depth, 0);
         stack.R = upper(rows.as_ref(), rows.ncols());
@@ -193,11 +204,9 @@ impl<'a> WindowStack<'a> {
             rows[(row, 0)] = 1.0;
             let (x, y) = (&self.history.x(i)[k * n..], &self.history.y(i)[k * p..]);
             for j in 0..=depth {
-                for a in 0..n {
-                    rows[(row, 1 + j * (n + p) + a)] = (x[j * n + a] - self.scaling.mean_x[a]) / self.scaling.s_x;
-                }
-                for a in 0..if j < depth { p } else { 0 } {
-                    rows[(row, 1 + j * (n + p) + n + a)] = (y[j * p + a] - self.scaling.mean_y[a]) / self.scaling.s_y;
+                let y_j = if j < depth { &y[j * p..(j + 1) * p] } else { &[] };
+                for (a, v) in self.scaling.deviations(&x[j * n..(j + 1) * n], y_j).enumerate() {
+                    rows[(row, 1 + j * (n + p) + a)] = v;
                 }
             }
         }
@@ -233,25 +242,10 @@ impl<'a> WindowStack<'a> {
         let windows = recorded + copies;
         let R = upper(stacked.as_ref(), 1 + d);
         let mut space = select(R.as_ref(), depth, windows, self.scaling, selection);
-        for j in 0..=depth {
-            // back from deviations about the channel means to scaled units
-            for a in 0..n {
-                space.mean[j * (n + p) + a] += self.scaling.mean_x[a] / self.scaling.s_x;
-            }
-            for a in 0..if j < depth { p } else { 0 } {
-                space.mean[j * (n + p) + n + a] += self.scaling.mean_y[a] / self.scaling.s_y;
-            }
-        }
+        // back from deviations about the channel means to scaled units
+        let means = self.scaling.means();
+        space.mean.iter_mut().enumerate().for_each(|(row, m)| *m += means[row % (n + p)]);
         space
-    }
-}
-
-impl Scaling {
-    /// One sample (x, y) as scaled deviations from the channel means.
-    fn sample(&self, x: &[f64], y: &[f64]) -> Vec<f64> {
-        let x = x.iter().zip(&self.mean_x).map(|(v, m)| (v - m) / self.s_x);
-        let y = y.iter().zip(&self.mean_y).map(|(v, m)| (v - m) / self.s_y);
-        x.chain(y).collect()
     }
 }
 

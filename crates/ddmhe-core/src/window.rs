@@ -149,21 +149,15 @@ impl WindowProblem {
     /// The minimiser subject to lo ≤ window ≤ hi (d each, scaled, infinite where there is no bound).
     pub fn solve(&mut self, f: &[f64], lo: &[f64], hi: &[f64]) -> WindowSolution {
         let mut window = self.unconstrained(f);
-        let inside = |w: &[f64], slack: f64| {
-            w.iter().zip(lo.iter().zip(hi)).all(|(&w, (&l, &h))| w >= l - slack && w <= h + slack)
-        };
+        let inside = |(&w, (&l, &h)): (&f64, (&f64, &f64))| w >= l - tol::FEASIBLE && w <= h + tol::FEASIBLE;
         let (mut status, mut iterations) = (Status::Optimal, 0);
-        if !inside(&window, tol::FEASIBLE) {
+        if !window.iter().zip(lo.iter().zip(hi)).all(inside) {
             let below: Vec<f64> = lo.iter().zip(&window).map(|(l, w)| l - w).collect();
             let above: Vec<f64> = hi.iter().zip(&window).map(|(h, w)| h - w).collect();
             let solution = self.least_distance.solve(&below, &above);
             (status, iterations) = (solution.status, solution.iterations);
             for (j, &t_j) in solution.t.iter().enumerate() {
-                axpy(
-                    t_j,
-                    self.least_distance.matrix().col(j).try_as_col_major().map_or(&[], |c| c.as_slice()),
-                    &mut window,
-                );
+                axpy(t_j, self.least_distance.matrix().col_as_slice(j), &mut window);
             }
         }
         let touches = |w: f64, bound: f64| (w - bound).abs() <= tol::ACTIVE_SET;
