@@ -1,5 +1,6 @@
 //! Settings of the estimator, and the checks of every argument.
 
+use crate::certificate::{Certificate, Disturbance};
 use crate::error::Error;
 use crate::history::{History, check_finite};
 use crate::space::Space;
@@ -48,6 +49,10 @@ pub struct Config {
     pub warm_start: bool,
     /// Which windows count as trajectories.
     pub space: Space,
+    /// A certificate's weights 2η^M P and η^{j-1} R in the place of ρ and μ.
+    pub certificate: Option<Certificate>,
+    /// What is known of the true trajectory: with a certificate, each estimate then carries an error bound.
+    pub disturbance: Option<Disturbance>,
 }
 
 /// The settings in force after the defaults are filled in.
@@ -55,9 +60,9 @@ pub struct Config {
 pub struct Settings {
     /// Horizon M.
     pub horizon: usize,
-    /// Discount ρ.
+    /// Discount ρ, or a certificate's η.
     pub rho: f64,
-    /// Noise weight μ in the units of (17).
+    /// Noise weight μ in the units of (17); of a certificate, the mean of R's diagonal.
     pub mu: f64,
     /// Directions kept at full depth.
     pub rank: usize,
@@ -79,6 +84,20 @@ pub(crate) fn validate(history: &History, config: &Config) -> Result<(), Error> 
         && !(mu > 0.0 && mu.is_finite())
     {
         return Err(Error::value("mu", "a positive finite number", mu));
+    }
+    if let Some(certificate) = &config.certificate {
+        certificate.check(n, p)?;
+        for (name, value) in [("rho", config.rho), ("mu", config.mu)] {
+            if let Some(value) = value {
+                return Err(Error::value(name, "none beside a certificate, which holds the weights", value));
+            }
+        }
+    }
+    if let Some(disturbance) = &config.disturbance {
+        disturbance.check()?;
+        if config.certificate.is_none() {
+            return Err(Error::value("disturbance", "a certificate beside it", "none"));
+        }
     }
     if config.horizon == Some(0) {
         return Err(Error::value("horizon", "at least 1", 0));

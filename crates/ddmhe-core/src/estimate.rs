@@ -13,6 +13,8 @@ pub struct Estimate {
     pub v: Vec<f64>,
     /// Cost (17) at the estimate (a weight on ‖α‖² is not part of it).
     pub cost: f64,
+    /// Bound on ‖x̂(t) - x(t)‖, if a certificate and the disturbance's size were given.
+    pub bound: Option<f64>,
     /// What the optimisation found.
     pub status: Status,
     /// Number of bounds that the window touches.
@@ -28,6 +30,8 @@ pub struct Log {
     pub x: Vec<f64>,
     /// Cost (17) of each step.
     pub cost: Vec<f64>,
+    /// Error bound of each step; empty without a certificate and the disturbance's size.
+    pub bound: Vec<f64>,
     /// Status of each step.
     pub status: Vec<Status>,
     /// Number of touched bounds of each step.

@@ -20,6 +20,7 @@
 //! Data flow from the recording to the estimate, one noun a module:
 //! `history` ([`History`]) → `hankel` ([`BlockHankel`], rank condition (7)) → [`space`] ([`TrajectorySpace`]: (16b) as mean + basis)
 //! → `window` (the problem of one depth, factored) → `mhe` ([`DdMhe`]: Algorithm 1) → `estimate` ([`Estimate`]).
+//! [`Certificate`] replaces the scalar weights by matrices for which the error is known to shrink, and bounds it step by step.
 //! `qp` solves what the closed form does not and is the only file that names the solver; [`defaults`] is the rule for settings
 //! that are not given; [`tol`] holds every tolerance with its reason.
 //!
@@ -45,6 +46,7 @@
 //!
 //! `Err` means that an input was wrong; what the optimisation found is [`Estimate::status`].
 
+mod certificate;
 mod config;
 pub mod defaults;
 mod error;
@@ -56,8 +58,10 @@ mod qp;
 mod snapshot;
 pub mod space;
 pub mod tol;
+mod weights;
 mod window;
 
+pub use certificate::{Certificate, Disturbance, Model, Uncertainty};
 pub use config::{Bounds, Center, Config, Settings};
 pub use error::Error;
 pub use estimate::{Estimate, Log};

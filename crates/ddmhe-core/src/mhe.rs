@@ -4,6 +4,7 @@
 //! y(t-1). The prior x̄(t-M_t) is x̄(0) while the window grows and afterwards the estimate made at that time
 //! (filtering update).
 
+use crate::certificate::ErrorBound;
 use crate::config::{
     Bounds, Center, Config, Settings, check_box, check_measured, check_output, check_vector, validate,
 };
@@ -13,7 +14,8 @@ use crate::estimate::{Estimate, Log};
 use crate::history::{History, check_finite};
 use crate::space::{Penalty, Scaling, Selection, Space, WindowStack};
 use crate::tol;
-use crate::window::{Rows, Weights, WindowProblem};
+use crate::weights::Weights;
+use crate::window::{Rows, WindowProblem};
 
 /// The estimator.
 pub struct DdMhe {
@@ -22,6 +24,7 @@ pub struct DdMhe {
     settings: Settings,
     scaling: Scaling,
     weights: Weights,
+    bound: Option<ErrorBound>,
     problems: Vec<WindowProblem>, // problems[m-1] is of depth m; with a warm start the short ones may be missing
     spectral_radius: f64,
     warnings: Vec<String>,
@@ -43,8 +46,8 @@ impl DdMhe {
         let rest = config.equilibrium.as_ref().map(|(x, y)| (&x[..], &y[..]));
         let rule = Defaults::new(history, &scaling, rest);
         let unit = (scaling.s_y / scaling.s_x).powi(2); // μ in scaled units is μ·unit
-        let weights = Weights { rho: config.rho.unwrap_or(rule.rho), mu: config.mu.map_or(rule.mu, |mu| mu * unit) };
-        let horizon = config.horizon.unwrap_or(rule.horizon);
+        let weights = weigh(history, &config, &rule, unit)?;
+        let horizon = horizon(&config, &rule)?;
         check_excitation(history, horizon)?;
 
         let equilibrium_used = rest.is_some() && rule.noisy;
@@ -52,9 +55,9 @@ impl DdMhe {
         let centered = config.x_center == Center::History;
         let problem = |depth: usize, selection: &Selection| {
             let rows = Rows { n: history.n(), p: history.p(), depth };
-            WindowProblem::new(rows, stack.space(depth, selection), weights, centered, None).map_err(factorisation)
+            WindowProblem::new(rows, stack.space(depth, selection), &weights, centered, None).map_err(factorisation)
         };
-        let mut selection = select(&config.space, &rule, weights.mu, history.n());
+        let mut selection = select(&config.space, &rule, weights.mu(), history.n());
         let mut deepest = problem(horizon, &selection)?;
         let mut radius = spectral_radius(&deepest);
         for _ in 0..tol::GUARD {
@@ -66,7 +69,7 @@ impl DdMhe {
         let settings = Settings {
             horizon,
             rho: weights.rho,
-            mu: weights.mu / unit,
+            mu: weights.mu() / unit,
             rank: deepest.space.rank(),
             lambda: deepest.space.lambda,
             equilibrium_used,
@@ -74,12 +77,17 @@ impl DdMhe {
         let first = (filled(history, &config, horizon) + 1).min(horizon);
         let mut problems = (first..horizon).map(|depth| problem(depth, &selection)).collect::<Result<Vec<_>, _>>()?;
         problems.push(deepest);
+        let bound = match (&config.certificate, &config.disturbance) {
+            (Some(c), Some(d)) => ErrorBound::new(c, d, history.n(), history.p()),
+            _ => None,
+        };
         let mut mhe = DdMhe {
             history: history.clone(),
             config,
             settings,
             scaling,
             weights,
+            bound,
             problems,
             spectral_radius: radius,
             warnings: Vec::new(),
@@ -133,6 +141,7 @@ impl DdMhe {
             log.status.push(estimate.status);
             log.active.push(estimate.active);
             log.iterations.push(estimate.iterations);
+            log.bound.extend(estimate.bound);
         }
         Ok(log)
     }
@@ -205,18 +214,34 @@ impl DdMhe {
         (&self.outputs, &self.states)
     }
 
+    /// Error bounds of the states in [`window`](Self::window), empty without.
+    pub(crate) fn bounds(&self) -> &[f64] {
+        self.bound.as_ref().map_or(&[], ErrorBound::errors)
+    }
+
     /// Continues from a saved window.
-    pub(crate) fn resume(&mut self, outputs: Vec<f64>, states: Vec<f64>, t: usize) -> Result<(), Error> {
+    pub(crate) fn resume(
+        &mut self,
+        outputs: Vec<f64>,
+        states: Vec<f64>,
+        bounds: Vec<f64>,
+        t: usize,
+    ) -> Result<(), Error> {
         let samples = outputs.len() / self.p();
         let fits = samples <= self.settings.horizon
             && outputs.len() == samples * self.p()
-            && states.len() == (samples + 1) * self.n();
+            && states.len() == (samples + 1) * self.n()
+            && bounds.len() == if self.bound.is_some() { samples + 1 } else { 0 }
+            && bounds.iter().all(|e| *e >= 0.0);
         if !fits || samples < self.problems[0].rows.depth - 1 {
             return Err(Error::value("blob", "a window that fits the horizon", format!("{samples} samples")));
         }
         check_measured("blob", &outputs, self.p())?;
         check_finite("blob", &states, self.n())?;
         (self.outputs, self.states, self.t) = (outputs, states, t);
+        if let Some(bound) = &mut self.bound {
+            bound.resume(bounds);
+        }
         Ok(())
     }
 
@@ -233,6 +258,9 @@ impl DdMhe {
             let start = self.states.len() - n;
             self.states[start..].iter_mut().zip(prior).for_each(|(s, v)| *s = v / self.scaling.s_x);
         }
+        if let Some(bound) = &mut self.bound {
+            bound.restart(filled + 1);
+        }
     }
 
     /// One pass of Algorithm 1's loop, on checked input.
@@ -242,6 +270,9 @@ impl DdMhe {
         if self.outputs.len() == depth * p {
             self.outputs.drain(..p);
             self.states.drain(..n);
+            if let Some(bound) = &mut self.bound {
+                bound.forget();
+            }
         }
         self.outputs.extend(y.iter().map(|v| v / self.scaling.s_y));
 
@@ -266,9 +297,15 @@ impl DdMhe {
         estimate.v.extend((0..depth).flat_map(|k| rows.y(k)).zip(&self.outputs).map(|(i, y)| (y - w[i]) * s_y));
         estimate.x.clear();
         estimate.x.extend_from_slice(&estimate.window[depth * n..]);
-        estimate.cost = cost(&self.settings, depth, p, &estimate.window[..n], &f[..n], s_x, &estimate.v);
+        let v = (0..depth).flat_map(|k| rows.y(k)).zip(&self.outputs).map(|(i, y)| y - w[i]);
+        estimate.cost = s_x * s_x * self.weights.cost(rows.x(0).map(|i| w[i]), &f[..n], v);
         (estimate.status, estimate.active, estimate.iterations) =
             (solution.status, solution.active, solution.iterations);
+        estimate.bound = self.bound.as_mut().map(|bound| {
+            let outputs: Vec<f64> = self.outputs.iter().map(|y| y * s_y).collect();
+            let past: Vec<f64> = self.states.iter().map(|x| x * s_x).collect();
+            bound.advance(&estimate.window, &outputs, &estimate.v, &past)
+        });
         self.states.extend(rows.x(depth).map(|i| w[i]));
         self.t += 1;
         Ok(&self.estimate)
@@ -282,7 +319,7 @@ impl DdMhe {
         let measured: Vec<bool> = self.outputs.iter().map(|v| v.is_finite()).collect();
         let full = &self.problems[depth - self.problems[0].rows.depth];
         let centered = self.config.x_center == Center::History;
-        WindowProblem::new(full.rows, full.space.clone(), self.weights, centered, Some(&measured))
+        WindowProblem::new(full.rows, full.space.clone(), &self.weights, centered, Some(&measured))
             .map(Some)
             .map_err(factorisation)
     }
@@ -351,17 +388,32 @@ fn limits(
     (lo, hi)
 }
 
-/// Cost (17): 2ρ^m ‖x̂(0) - x̄‖² + Σ_j ρ^{j-1} μ ‖v(t-j)‖², in the units of x².
-fn cost(settings: &Settings, depth: usize, p: usize, x_0: &[f64], prior: &[f64], s_x: f64, v: &[f64]) -> f64 {
-    let arrival: f64 = x_0.iter().zip(prior).map(|(x, x_bar)| (x - x_bar * s_x).powi(2)).sum();
-    let noise: f64 = v
-        .chunks_exact(p)
-        .enumerate()
-        .map(|(k, v)| {
-            settings.rho.powi((depth - 1 - k) as i32) * v.iter().filter(|v| v.is_finite()).map(|v| v * v).sum::<f64>()
-        })
-        .sum();
-    2.0 * settings.rho.powi(depth as i32) * arrival + settings.mu * noise
+/// The weights of (17): a certificate's, or scalar ones.
+fn weigh(history: &History, config: &Config, rule: &Defaults, unit: f64) -> Result<Weights, Error> {
+    let (n, p) = (history.n(), history.p());
+    match &config.certificate {
+        Some(c) => Weights::certified(c, unit, n, p)
+            .ok_or_else(|| Error::value("certificate", "positive definite P and R", "others")),
+        None => {
+            let mu = config.mu.map_or(rule.mu, |mu| mu * unit);
+            Ok(Weights::scalar(config.rho.unwrap_or(rule.rho), mu, n, p))
+        }
+    }
+}
+
+/// The horizon asked for, or the rule's; with a certificate at least as long as its contraction 4η^M < 1 asks.
+fn horizon(config: &Config, rule: &Defaults) -> Result<usize, Error> {
+    let Some(c) = &config.certificate else { return Ok(config.horizon.unwrap_or(rule.horizon)) };
+    let needed = c.minimum_horizon();
+    match config.horizon {
+        Some(M) if M < needed => {
+            let expected =
+                format!("at least {needed}, the smallest M with 4 eta^M < 1 for the certificate's eta = {}", c.eta);
+            Err(Error::value("horizon", expected, M))
+        }
+        Some(M) => Ok(M),
+        None => Ok(rule.horizon.max(needed)),
+    }
 }
 
 fn spectral_radius(problem: &WindowProblem) -> f64 {

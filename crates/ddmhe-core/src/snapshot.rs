@@ -10,7 +10,7 @@ use crate::mhe::DdMhe;
 use serde::{Deserialize, Serialize};
 
 /// First bytes of every snapshot: name and format version.
-const MAGIC: &[u8; 8] = b"ddmhe\0\0\x01";
+const MAGIC: &[u8; 8] = b"ddmhe\0\0\x02";
 
 #[derive(Serialize, Deserialize)]
 struct Snapshot {
@@ -18,6 +18,7 @@ struct Snapshot {
     config: Config,
     outputs: Vec<f64>,
     states: Vec<f64>,
+    bounds: Vec<f64>,
     t: usize,
 }
 
@@ -30,6 +31,7 @@ impl DdMhe {
             config: self.config().clone(),
             outputs: outputs.to_vec(),
             states: states.to_vec(),
+            bounds: self.bounds().to_vec(),
             t: self.t(),
         };
         // Writing plain numbers to memory cannot fail.
@@ -47,7 +49,7 @@ impl DdMhe {
         let snapshot: Snapshot = postcard::from_bytes(body).map_err(|_| Error::value("blob", expected, found()))?;
         let history = snapshot.history.revalidated()?;
         let mut mhe = DdMhe::new(&history, snapshot.config)?;
-        mhe.resume(snapshot.outputs, snapshot.states, snapshot.t)?;
+        mhe.resume(snapshot.outputs, snapshot.states, snapshot.bounds, snapshot.t)?;
         Ok(mhe)
     }
 }

@@ -30,3 +30,6 @@ pub const SPECTRAL_RADIUS: f64 = 1.005;
 
 /// How often the default rule may raise its weight tenfold to get below [`SPECTRAL_RADIUS`]: from its floor to 1.
 pub const GUARD: usize = 8;
+
+/// A matrix of a certificate counts as symmetric up to this relative difference: it may have been written to text.
+pub const SYMMETRIC: f64 = 1e-9;

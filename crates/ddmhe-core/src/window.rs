@@ -13,15 +13,9 @@
 use crate::qp::{LeastDistance, Status};
 use crate::space::TrajectorySpace;
 use crate::tol;
+use crate::weights::Weights;
 use faer::linalg::solvers::SvdError;
 use faer::{Mat, MatRef};
-
-/// Weights of (17) in scaled units (cost in units of s_x²).
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct Weights {
-    pub rho: f64,
-    pub mu: f64, // μ s_y² / s_x²
-}
 
 /// Rows of the interleaved window: where x(k) and y(k) are.
 #[derive(Debug, Clone, Copy)]
@@ -75,39 +69,39 @@ impl WindowProblem {
     pub fn new(
         rows: Rows,
         space: TrajectorySpace,
-        weights: Weights,
+        weights: &Weights,
         centered: bool,
         measured: Option<&[bool]>,
     ) -> Result<Self, SvdError> {
         let Rows { n, p, depth, .. } = rows;
-        let exists = |i: usize| i < n || measured.is_none_or(|m| m[i - n]);
-        // √ of 2ρ^m on the prior, of ρ^{j-1} μ on y(t-j)
-        let weight: Vec<f64> = (0..n + depth * p)
-            .map(|i| {
-                let squared = if i < n {
-                    2.0 * weights.rho.powi(depth as i32)
-                } else {
-                    weights.rho.powi((depth - 1 - (i - n) / p) as i32) * weights.mu
-                };
-                if exists(i) { squared.sqrt() } else { 0.0 }
-            })
-            .collect();
+        let all = vec![true; depth * p];
+        let measured = measured.unwrap_or(&all);
+        // √ of 2ρ^m P on the prior, of ρ^{j-1} R on y(t-j): the block of each sample with its first row in f
+        let mut blocks = vec![(0, weights.prior(depth))];
+        blocks.extend((0..depth).map(|k| (n + k * p, weights.noise(depth - k, &measured[k * p..(k + 1) * p]))));
         let seen: Vec<usize> = rows.seen().collect();
         let r = space.rank();
-        let F = Mat::from_fn(seen.len(), r, |i, j| weight[i] * space.basis[(seen[i], j)]);
+        let basis = Mat::from_fn(seen.len(), r, |i, j| space.basis[(seen[i], j)]);
+        let mut F = Mat::zeros(seen.len(), r);
+        for (first, W) in &blocks {
+            F.subrows_mut(*first, W.nrows()).copy_from(W * basis.subrows(*first, W.nrows()));
+        }
         let G = if space.lambda > 0.0 {
             Mat::from_fn(r, r, |i, j| if i == j { space.lambda.sqrt() } else { 0.0 })
         } else {
             least_norm(F.as_ref(), &space)?
         };
         let (K, R) = factor(F.as_ref(), G.as_ref());
-        let gain = Mat::from_fn(r, seen.len(), |i, j| K[(i, j)] * weight[j]);
+        let mut gain = Mat::zeros(r, seen.len());
+        for (first, W) in &blocks {
+            gain.subcols_mut(*first, W.nrows()).copy_from(K.subcols(*first, W.nrows()) * W);
+        }
 
         // A = B R⁻¹, from Rᵀ Aᵀ = Bᵀ
         let mut A_t = space.basis.transpose().to_owned();
         R.transpose().solve_lower_triangular_in_place(A_t.as_mut());
         let center =
-            if centered { Some(center_gain(&space, &seen[n..], weights.mu, |i| exists(n + i))?) } else { None };
+            if centered { Some(center_gain(&space, &seen[n..], weights.mu(), |i| measured[i])?) } else { None };
         Ok(WindowProblem { rows, gain, center, least_distance: LeastDistance::new(A_t.transpose().to_owned()), space })
     }
 

@@ -1,5 +1,6 @@
 //! Python bindings of `ddmhe-core`: arrays in and out, errors to exceptions, no mathematics.
 
+mod certificate;
 mod convert;
 mod history;
 mod mhe;

@@ -1,5 +1,6 @@
 //! `ddmhe.DdMhe`, `ddmhe.Estimate`, `ddmhe.Log`.
 
+use crate::certificate;
 use crate::convert::{DdmheError, Numbers, ShapeError, array1, array2, bounds, raise, whole};
 use crate::history::History;
 use crate::spaces;
@@ -37,6 +38,12 @@ use pyo3::types::PyBytes;
 ///     False: the window grows from 1 to M. True: it starts filled from the recording's end.
 /// space : "auto" | Exact() | Truncated(rank, tol) | Ridge(weight)
 ///     Which windows count as trajectories of the system.
+/// certificate : ddmhe.design.Certificate, optional
+///     Weights 2 eta**M P and eta**(j-1) R in the place of rho and mu; the horizon must satisfy 4 eta**M < 1 and is long
+///     enough by default.
+/// disturbance : (initial, w, v), optional
+///     With a certificate: bounds on the Euclidean norms of the initial error, of every w(t) and of every v(t). Each
+///     estimate then carries a bound on its error.
 ///
 /// Raises
 /// ------
@@ -51,8 +58,8 @@ pub struct DdMhe {
 impl DdMhe {
     #[new]
     #[pyo3(
-        signature = (history, horizon=None, rho=None, mu=None, x_prior=None, x_bounds=None, x_center=None, v_bounds=None, equilibrium=None, warm_start=false, space=None),
-        text_signature = "(history, horizon=None, rho=None, mu=None, x_prior=None, x_bounds=None, x_center=None, v_bounds=None, equilibrium=None, warm_start=False, space='auto')"
+        signature = (history, horizon=None, rho=None, mu=None, x_prior=None, x_bounds=None, x_center=None, v_bounds=None, equilibrium=None, warm_start=false, space=None, certificate=None, disturbance=None),
+        text_signature = "(history, horizon=None, rho=None, mu=None, x_prior=None, x_bounds=None, x_center=None, v_bounds=None, equilibrium=None, warm_start=False, space='auto', certificate=None, disturbance=None)"
     )]
     #[allow(clippy::too_many_arguments)]
     fn new(
@@ -68,6 +75,8 @@ impl DdMhe {
         equilibrium: Option<&Bound<'_, PyAny>>,
         warm_start: bool,
         space: Option<&Bound<'_, PyAny>>,
+        certificate: Option<&Bound<'_, PyAny>>,
+        disturbance: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Self> {
         let history = history
             .cast::<History>()
@@ -85,6 +94,8 @@ impl DdMhe {
             equilibrium: equilibrium.map(|v| rest(v, n, p)).transpose()?,
             warm_start,
             space: space.map_or(Ok(Space::Auto), spaces::space)?,
+            certificate: certificate.map(|c| certificate::certificate(c, n, p)).transpose()?,
+            disturbance: disturbance.map(certificate::disturbance).transpose()?,
         };
         let core = py.detach(|| ddmhe_core::DdMhe::new(&history.core, config)).map_err(raise)?;
         Ok(DdMhe { core })
@@ -121,7 +132,7 @@ impl DdMhe {
             return Err(ShapeError::new_err(format!("Y: expected {p} columns, found {columns}")));
         }
         let log = py.detach(|| self.core.run(&data)).map_err(raise)?;
-        Log::new(py, log, n)
+        Log::new(py, log, n, self.core.config().disturbance.is_some())
     }
 
     /// Back to t = 0, with another prior state if given.
@@ -260,6 +271,9 @@ pub struct Estimate {
     /// Cost (17) at the estimate.
     #[pyo3(get)]
     cost: f64,
+    /// Bound on the Euclidean norm of x's error, with a certificate and the disturbance's size; else None.
+    #[pyo3(get)]
+    bound: Option<f64>,
     /// "optimal", "almost_optimal", "infeasible" or "failed"; in the last two x is the unconstrained minimiser's.
     #[pyo3(get)]
     status: &'static str,
@@ -278,6 +292,7 @@ impl Estimate {
             window: array2(py, e.window.clone(), n)?.unbind(),
             v: array2(py, e.v.clone(), p)?.unbind(),
             cost: e.cost,
+            bound: e.bound,
             status: e.status.as_str(),
             active: e.active,
             iterations: e.iterations,
@@ -307,6 +322,9 @@ pub struct Log {
     /// Cost (17) of each step (N,).
     #[pyo3(get)]
     cost: Py<PyArray1<f64>>,
+    /// Error bound of each step (N,), with a certificate and the disturbance's size; else None.
+    #[pyo3(get)]
+    bound: Option<Py<PyArray1<f64>>>,
     /// Status of each step (N,), strings.
     #[pyo3(get)]
     status: Py<PyAny>,
@@ -319,12 +337,13 @@ pub struct Log {
 }
 
 impl Log {
-    fn new(py: Python<'_>, log: ddmhe_core::Log, n: usize) -> PyResult<Self> {
+    fn new(py: Python<'_>, log: ddmhe_core::Log, n: usize, bounded: bool) -> PyResult<Self> {
         let words: Vec<&str> = log.status.iter().map(|s| s.as_str()).collect();
         let whole = |values: Vec<i64>| PyArray1::from_vec(py, values).unbind();
         Ok(Log {
             x: array2(py, log.x, n)?.unbind(),
             cost: array1(py, &log.cost).unbind(),
+            bound: bounded.then(|| array1(py, &log.bound).unbind()),
             status: py.import("numpy")?.call_method1("array", (words, "U16"))?.unbind(),
             active: whole(log.active.iter().map(|&a| a as i64).collect()),
             iterations: whole(log.iterations.iter().map(|&i| i64::from(i)).collect()),

@@ -1,0 +1,307 @@
+//! Stability certificates: weights for which the estimation error is known to shrink.
+//!
+//! # Derivation
+//! For two trajectories of x(t+1) = A x + e + w, y = C x + r + v, one of them (the estimate) without w, the difference
+//! d = x̂ - x obeys d⁺ = A d - w. Matrices P, Q, R and η < 1 with
+//!
+//! > \[\[AᵀPA - ηP - CᵀRC, AᵀP\], \[PA, P - Q\]\] ⪯ 0
+//!
+//! make ‖d‖²_P an incremental input/output-to-state Lyapunov function with exponential discount (Schiller, Muntwiler,
+//! Köhler, Zeilinger, Müller 2023):
+//!
+//! > ‖d⁺‖²_P ≤ η‖d‖²_P + ‖w‖²_Q + ‖C d‖²_R.    (L)
+//!
+//! With prior weight 2η^M P and noise weights η^{j-1} R in the place of (17)'s scalars the error contracts when
+//! 4η^M < 1. The scalar weights of (17) are the case P = I, R = μI, η = ρ, Q = 3I: (24) implies (L) for them.
+//!
+//! # The bound of a step
+//! [`ErrorBound`] walks (L) along the estimated window instead of bounding it in advance as (34) does: everything that
+//! (34) must assume the worst of, the fitted noise and the distance to the prior, is known by then. From
+//! s(0) = ‖x̂(t-m|t) - x̄‖_P + E(t-m), E the bound of the prior,
+//!
+//! > s(k+1)² = η s(k)² + (‖ŵ(k)‖_Q + W)² + (‖v̂(k)‖_R + V)²,  E(t) = s(m),
+//!
+//! where W, V bound ‖w‖_Q, ‖v‖_R, v̂ = y - C x̂ - r and ŵ(k) = x̂(k+1) - A x̂(k) - e is what the window lacks of being a
+//! trajectory of the certificate's model (nothing, if the recording was noise-free). By optimality E(t) is never above
+//! (34)'s weighted form. Three further facts can only lower it: past estimates are known (‖x̂(k|t) - x̂(k)‖_P + E(k)),
+//! d⁺ = A d - w gives s(k+1) ≤ ‖A‖_P s(k) + W without any output (Q ⪰ P), and the second serves where y(k) is missing.
+
+use crate::config::check_vector;
+use crate::error::Error;
+use crate::history::check_finite;
+use crate::tol;
+use faer::{Mat, Side};
+use serde::{Deserialize, Serialize};
+
+/// P, Q, R and η that satisfy (L) for a system, all in the user's units. Matrices are row-major.
+///
+/// Whether they do is for the designer to verify: the estimator does not know (A, C).
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Certificate {
+    /// Symmetric positive definite (n·n), cost per unit of x².
+    pub P: Vec<f64>,
+    /// Symmetric positive definite (n·n), Q ⪰ P.
+    pub Q: Vec<f64>,
+    /// Symmetric positive definite (p·p), cost per unit of y².
+    pub R: Vec<f64>,
+    /// Discount η in (0, 1) per sample.
+    pub eta: f64,
+    /// Largest ‖A d‖_P / ‖d‖_P, if known: carries an error bound over samples that were not measured.
+    pub growth: Option<f64>,
+    /// The model behind the certificate, if known: windows that are not its trajectories are then accounted for.
+    pub model: Option<Model>,
+}
+
+/// x(t+1) = A x + e, y = C x + r, and how far the true system may be from it.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Model {
+    /// (n·n)
+    pub A: Vec<f64>,
+    /// (n)
+    pub e: Vec<f64>,
+    /// (p·n)
+    pub C: Vec<f64>,
+    /// (p)
+    pub r: Vec<f64>,
+    /// For the true system, ‖ΔA x + Δe‖_Q ≤ `w`·q(x) and ‖ΔC x + Δr‖_R ≤ `v`·q(x) with q(x)² = \[x; 1\]ᵀ metric \[x; 1\].
+    pub uncertainty: Option<Uncertainty>,
+}
+
+/// The distance between the model and the true system, see [`Model::uncertainty`].
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Uncertainty {
+    /// Symmetric positive semidefinite ((n+1)·(n+1)).
+    pub metric: Vec<f64>,
+    /// Factor of the states' equation.
+    pub w: f64,
+    /// Factor of the outputs' equation.
+    pub v: f64,
+}
+
+/// What a user knows of the true trajectory: Euclidean norms, in the user's units.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Disturbance {
+    /// ‖x̄(0) - x(0)‖, and with a warm start of every recorded state.
+    pub initial: f64,
+    /// ‖w(t)‖ at every t.
+    pub w: f64,
+    /// ‖v(t)‖ at every t.
+    pub v: f64,
+}
+
+impl Certificate {
+    /// Smallest M with 4η^M < 1.
+    pub fn minimum_horizon(&self) -> usize {
+        // Rounding of the logarithm is mended by looking at both neighbours.
+        let estimate = (0.25_f64.ln() / self.eta.ln()).floor().max(1.0);
+        let mut M = if estimate < 1e9 { estimate as usize } else { return usize::MAX };
+        while M > 1 && contracts(self.eta, M - 1) {
+            M -= 1;
+        }
+        while !contracts(self.eta, M) {
+            M += 1;
+        }
+        M
+    }
+
+    /// Sizes, finite numbers, symmetry, definiteness, η.
+    pub(crate) fn check(&self, n: usize, p: usize) -> Result<(), Error> {
+        if !(self.eta > 0.0 && self.eta < 1.0) {
+            return Err(Error::value("certificate", "eta in (0, 1)", self.eta));
+        }
+        for (name, matrix, size) in [("P", &self.P, n), ("Q", &self.Q, n), ("R", &self.R, p)] {
+            check_square(name, matrix, size)?;
+            if factor(matrix, size).is_none() {
+                let expected = format!("a symmetric positive definite {name}");
+                return Err(Error::value("certificate", expected, "one that is not"));
+            }
+        }
+        if let Some(growth) = self.growth.filter(|g| !(*g >= 0.0 && g.is_finite())) {
+            return Err(Error::value("certificate", "a finite growth of at least 0", growth));
+        }
+        let Some(model) = &self.model else { return Ok(()) };
+        for (values, len) in [(&model.A, n * n), (&model.e, n), (&model.C, p * n), (&model.r, p)] {
+            check_vector("certificate", values, len)?;
+        }
+        if let Some(u) = &model.uncertainty {
+            check_square("metric", &u.metric, n + 1)?;
+            check_factor("w", u.w)?;
+            check_factor("v", u.v)?;
+        }
+        Ok(())
+    }
+}
+
+impl Disturbance {
+    /// Finite and not negative.
+    pub(crate) fn check(&self) -> Result<(), Error> {
+        for (name, value) in [("initial", self.initial), ("w", self.w), ("v", self.v)] {
+            if !(value >= 0.0 && value.is_finite()) {
+                return Err(Error::value("disturbance", format!("a finite {name} of at least 0"), value));
+            }
+        }
+        Ok(())
+    }
+}
+
+fn contracts(eta: f64, M: usize) -> bool {
+    4.0 * eta.powf(M as f64) < 1.0
+}
+
+fn check_factor(name: &str, value: f64) -> Result<(), Error> {
+    if value >= 0.0 && value.is_finite() {
+        return Ok(());
+    }
+    Err(Error::value("certificate", format!("an uncertainty with a finite {name} of at least 0"), value))
+}
+
+fn check_square(name: &str, matrix: &[f64], size: usize) -> Result<(), Error> {
+    if matrix.len() != size * size {
+        return Err(Error::shape(
+            "certificate",
+            format!("a {size} x {size} {name}"),
+            format!("{} numbers", matrix.len()),
+        ));
+    }
+    check_finite("certificate", matrix, size)?;
+    let largest = matrix.iter().fold(0.0_f64, |m, v| m.max(v.abs()));
+    let skew = (0..size * size).map(|k| (matrix[k] - matrix[(k % size) * size + k / size]).abs()).fold(0.0, f64::max);
+    if skew > tol::SYMMETRIC * largest {
+        return Err(Error::value(
+            "certificate",
+            format!("a symmetric {name}"),
+            format!("one that is off by {skew:.3e}"),
+        ));
+    }
+    Ok(())
+}
+
+/// Upper triangular U with matrix = UᵀU; None unless positive definite.
+pub(crate) fn factor(matrix: &[f64], size: usize) -> Option<Mat<f64>> {
+    let full = Mat::from_fn(size, size, |i, j| 0.5 * (matrix[i * size + j] + matrix[j * size + i]));
+    Some(full.llt(Side::Lower).ok()?.L().transpose().to_owned())
+}
+
+/// ‖U x‖.
+pub(crate) fn norm(U: &Mat<f64>, x: &[f64]) -> f64 {
+    (0..U.nrows()).map(|i| x.iter().enumerate().map(|(j, v)| U[(i, j)] * v).sum::<f64>().powi(2)).sum::<f64>().sqrt()
+}
+
+/// The running error bound of one estimator.
+pub(crate) struct ErrorBound {
+    n: usize,
+    p: usize,
+    eta: f64,
+    growth: f64, // infinite when unknown
+    model: Option<Model>,
+    U_P: Mat<f64>,
+    U_Q: Mat<f64>,
+    U_R: Mat<f64>,
+    euclidean: f64, // ‖d‖ ≤ euclidean · ‖d‖_P
+    initial: f64,   // in ‖·‖_P
+    W: f64,
+    V: f64,
+    errors: Vec<f64>, // E of each state in the estimator's memory
+}
+
+impl ErrorBound {
+    /// None when the certificate's matrices cannot be factored (they were checked before).
+    pub fn new(certificate: &Certificate, disturbance: &Disturbance, n: usize, p: usize) -> Option<Self> {
+        let (U_P, U_Q, U_R) = (factor(&certificate.P, n)?, factor(&certificate.Q, n)?, factor(&certificate.R, p)?);
+        let [(smallest, largest), (_, largest_Q), (_, largest_R)] =
+            [&U_P, &U_Q, &U_R].map(|U| extremes(U).unwrap_or((0.0, f64::INFINITY)));
+        // 0 · ∞ must not become NaN
+        let scaled = |factor: f64, size: f64| if size == 0.0 { 0.0 } else { factor * size };
+        Some(ErrorBound {
+            n,
+            p,
+            eta: certificate.eta,
+            growth: certificate.growth.unwrap_or(f64::INFINITY),
+            model: certificate.model.clone(),
+            euclidean: 1.0 / smallest,
+            initial: scaled(largest, disturbance.initial),
+            W: scaled(largest_Q, disturbance.w),
+            V: scaled(largest_R, disturbance.v),
+            U_P,
+            U_Q,
+            U_R,
+            errors: Vec::new(),
+        })
+    }
+
+    /// Starts over with `known` states in memory, all of the initial error.
+    pub fn restart(&mut self, known: usize) {
+        self.errors = vec![self.initial; known];
+    }
+
+    /// The bounds in memory, for a snapshot.
+    pub fn errors(&self) -> &[f64] {
+        &self.errors
+    }
+
+    /// Continues from saved bounds.
+    pub fn resume(&mut self, errors: Vec<f64>) {
+        self.errors = errors;
+    }
+
+    /// Forgets the oldest state.
+    pub fn forget(&mut self) {
+        self.errors.remove(0);
+    }
+
+    /// The bound on ‖x̂(t) - x(t)‖ from the window x̂(·|t) ((m+1)·n), its outputs (m·p, NaN where not measured) with
+    /// their fitted noise, and the past estimates of the same times (m·n, the prior first), all in the user's units.
+    pub fn advance(&mut self, window: &[f64], outputs: &[f64], v_hat: &[f64], past: &[f64]) -> f64 {
+        let (n, p) = (self.n, self.p);
+        let m = outputs.len() / p;
+        let mut s = f64::INFINITY;
+        for k in 0..m {
+            let moved: Vec<f64> = (k * n..(k + 1) * n).map(|i| window[i] - past[i]).collect();
+            s = s.min(norm(&self.U_P, &moved) + self.errors[k]);
+            let (y, v) = (&outputs[k * p..(k + 1) * p], &v_hat[k * p..(k + 1) * p]);
+            s = self.across(&window[k * n..(k + 1) * n], &window[(k + 1) * n..(k + 2) * n], y, v, s);
+        }
+        self.errors.push(s);
+        self.euclidean * s
+    }
+
+    /// (L) over one sample: s(k+1) from s(k).
+    fn across(&self, x: &[f64], x_next: &[f64], y: &[f64], v_hat: &[f64], s: f64) -> f64 {
+        let (w_hat, v_hat) = match &self.model {
+            Some(model) => (residual(&model.A, &model.e, x, x_next), residual(&model.C, &model.r, x, y)),
+            // Without a model the window counts as a trajectory of the true system.
+            None => (vec![0.0; self.n], v_hat.to_vec()),
+        };
+        let (spread_w, spread_v) = self.spread(x);
+        let W = norm(&self.U_Q, &w_hat) + spread_w + self.W;
+        let blind = if s == 0.0 { W } else { self.growth * s + W };
+        if v_hat.iter().any(|v| v.is_nan()) {
+            return blind;
+        }
+        let V = norm(&self.U_R, &v_hat) + spread_v + self.V;
+        blind.min((self.eta * s * s + W * W + V * V).sqrt())
+    }
+
+    /// How far the true system's next state and output at x may be from the model's, in ‖·‖_Q and ‖·‖_R.
+    fn spread(&self, x: &[f64]) -> (f64, f64) {
+        let Some(u) = self.model.as_ref().and_then(|m| m.uncertainty.as_ref()) else { return (0.0, 0.0) };
+        let z: Vec<f64> = x.iter().copied().chain([1.0]).collect();
+        let size = z.len();
+        let square: f64 = (0..size * size).map(|k| z[k / size] * u.metric[k] * z[k % size]).sum();
+        let q = square.max(0.0).sqrt();
+        (u.w * q, u.v * q)
+    }
+}
+
+/// target - (matrix x + offset).
+fn residual(matrix: &[f64], offset: &[f64], x: &[f64], target: &[f64]) -> Vec<f64> {
+    let row = |i: usize| &matrix[i * x.len()..(i + 1) * x.len()];
+    let image = |i: usize| row(i).iter().zip(x).map(|(a, b)| a * b).sum::<f64>();
+    (0..target.len()).map(|i| target[i] - offset[i] - image(i)).collect()
+}
+
+/// Smallest and largest singular value.
+fn extremes(U: &Mat<f64>) -> Option<(f64, f64)> {
+    let sigma = U.singular_values().ok()?;
+    Some((*sigma.last()?, *sigma.first()?))
+}
