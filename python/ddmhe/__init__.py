@@ -16,7 +16,7 @@ kinds; what the optimisation finds is `Estimate.status`, never an exception.
 
 from importlib.metadata import version as _version
 
-from ddmhe import models
+from ddmhe import design, models
 from ddmhe._core import (
     DdMhe,
     DdmheError,
@@ -51,5 +51,6 @@ __all__ = [
     "Ridge",
     "ShapeError",
     "Truncated",
+    "design",
     "models",
 ]

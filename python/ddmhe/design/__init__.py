@@ -1,0 +1,30 @@
+"""Design of an estimator: identified models, pole placement (Algorithm 2), stability certificates.
+
+`pole_placement` is Algorithm 2 of Liu et al. 2026 as printed, with its limits stated. `ioss` designs the weighted
+certificate
+that exists for every observable system, and with a stated noise one for every system that a recording allows.
+"""
+
+from ddmhe.design.certificate import Certificate, Uncertainty, ioss, minimum_horizon, scalar_certificate
+from ddmhe.design.model import AffineModel, identify
+from ddmhe.design.poles import PolePlacement, pole_placement
+from ddmhe.design.regions import Cone, Disc, HalfPlane
+from ddmhe.design.uncertainty import ConsistentSet, RecordingNoise, consistent_set
+
+__all__ = [
+    "AffineModel",
+    "Certificate",
+    "Cone",
+    "ConsistentSet",
+    "Disc",
+    "HalfPlane",
+    "PolePlacement",
+    "RecordingNoise",
+    "Uncertainty",
+    "consistent_set",
+    "identify",
+    "ioss",
+    "minimum_horizon",
+    "pole_placement",
+    "scalar_certificate",
+]

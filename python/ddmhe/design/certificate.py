@@ -1,0 +1,579 @@
+"""Stability certificates: P, Q, R and η for which the estimation error is known to shrink, verified by eigenvalues.
+
+For the difference d of two trajectories, d⁺ = A d - w, the inequality
+
+    ‖d⁺‖²_P ≤ η‖d‖²_P + ‖w‖²_Q + ‖C d‖²_R    ⟺    [[AᵀPA - ηP - CᵀRC, AᵀP], [PA, P - Q]] ⪯ 0        (L)
+
+makes ‖d‖²_P an incremental input/output-to-state Lyapunov function (Schiller, Muntwiler, Köhler, Zeilinger, Müller
+2023). It exists for every observable pair and every η in (0, 1), also where (24) of Liu et al. 2026 is impossible.
+
+For every [A; C] = [A_c; C_c] + Δ^½ Γ H^-½, ‖Γ‖ ≤ 1 (see `uncertainty`), (L) is a quadratic inequality in (d, q, w) with
+q = Δ^½ s, ‖s‖² ≤ dᵀH⁻¹d. By the S-lemma, lossless for one quadratic constraint, it holds for all of them if and only if
+
+    Φ = FᵀPF - η E_dᵀPE_d - GᵀRG - E_wᵀQE_w + τ(E_dᵀH⁻¹E_d - E_sᵀE_s) ⪯ 0 for some τ ≥ 0,
+    F = [A_c, [I 0]Δ^½, I],  G = [C_c, [0 I]Δ^½, 0]  on (d, s, w).
+
+One implementation serves both: without uncertainty there is no s.
+"""
+
+from __future__ import annotations
+
+import math
+import warnings
+from dataclasses import dataclass, replace
+from typing import Any
+
+import cvxpy as cp
+import numpy as np
+import scipy.linalg
+from numpy.typing import ArrayLike, NDArray
+from scipy.optimize import minimize_scalar
+
+from ddmhe._core import DdmheError, History, InfeasibleError, NotFiniteError, ShapeError
+from ddmhe.design.model import identify, unobservable_modes
+from ddmhe.design.uncertainty import ConsistentSet, RecordingNoise, consistent_set
+
+Array = NDArray[np.float64]
+
+__all__ = ["Certificate", "Uncertainty", "ioss", "minimum_horizon", "scalar_certificate"]
+
+ETA = 0.95
+"""Discount that is designed for when neither `eta` nor `condition` is given."""
+MARGIN = 1e-7
+"""The semidefinite programme keeps Φ's (d, s) block this far below zero, relative to its size in balanced
+coordinates."""
+
+
+@dataclass(frozen=True)
+class Uncertainty:
+    """‖ΔA x + Δe‖_Q ≤ w q(x), ‖ΔC x + Δr‖_R ≤ v q(x), q(x)² = [x; 1]ᵀ metric [x; 1], for every consistent system."""
+
+    metric: Array
+    w: float
+    v: float
+
+
+@dataclass(frozen=True, eq=False)
+class Certificate:
+    """P, Q, R, η that satisfy (L), in the user's units; the estimator takes it as `DdMhe(h, certificate=c)`."""
+
+    P: Array
+    """(n, n), P ⪰ I: ‖d‖ ≤ ‖d‖_P."""
+    Q: Array
+    """(n, n)"""
+    R: Array
+    """(p, p)"""
+    eta: float
+    """Discount per sample, in (0, 1)."""
+    residual: float
+    """Largest eigenvalue of (L), or of Φ for a robust certificate; at most 0."""
+    A: Array | None = None
+    """(n, n) of the model, the centre of the consistent ones; None for a certificate read from a file without it."""
+    C: Array | None = None
+    """(p, n)"""
+    e: Array | None = None
+    """Offsets (n,), where known; the error bound then accounts for windows that are not the model's trajectories."""
+    r: Array | None = None
+    growth: float | None = None
+    """At least ‖A d‖_P/‖d‖_P for all d and all consistent A."""
+    uncertainty: Uncertainty | None = None
+    """For a robust certificate: how far the true system may be from the model."""
+    noise: RecordingNoise | None = None
+    """The noise for which a robust certificate was made."""
+
+    @property
+    def condition(self) -> float:
+        """Cond P: the squared ratio of the longest and the shortest axis of ‖d‖_P = 1."""
+        values = np.linalg.eigvalsh(self.P)
+        return float(values[-1] / values[0])
+
+    @property
+    def horizon(self) -> int:
+        """Smallest M with 4 η^M < 1."""
+        return minimum_horizon(self.eta)
+
+    def verify(self, A: ArrayLike, C: ArrayLike) -> float:
+        """Largest eigenvalue of (L) for a system (A, C): it satisfies the inequality when this is at most 0."""
+        A, C = _system(A, C)
+        _matching(self.P, A, self.R, C)
+        return _largest(_dissipation(A, C, self.P, self.Q, self.R, self.eta))
+
+    def error_bound(self, steps: int, horizon: int, initial: float, w: float, v: float) -> Array:
+        """Bounds (steps+1,) on ‖x̂(t) - x(t)‖, t = 0 … steps, known before the first measurement.
+
+        The weighted form of (34) for ‖x̄(0) - x(0)‖ ≤ initial, ‖w(t)‖ ≤ w, ‖v(t)‖ ≤ v, without constraints or with
+        constraints that the true trajectory satisfies, for an estimator whose windows are trajectories of a certified
+        system. The estimate compares with the trajectory from the true x(t-M) without w, whose outputs are off by v +
+        Cδ,
+        δ = Σ Aⁱw; each bound is the minimum over K > 1 of
+
+            K(2η^M E² + Σ η^{j-1}(‖v + Cδ‖_R)²) + 2K/(2K-1) η^M E² + K/(K-1) Σ η^{j-1} V² + Σ η^{j-1} W².
+
+        (34) as printed is too small: it has √μ‖w‖ where w(t-1), which no output up to t-1 shows, needs ‖w‖.
+        """
+        for name, value in (("initial", initial), ("w", w), ("v", v)):
+            if not (math.isfinite(value) and value >= 0):
+                raise DdmheError(f"{name}: expected a finite number of at least 0, found {value}")
+        for name, count in (("steps", steps), ("horizon", horizon)):
+            if count < 1:
+                raise DdmheError(f"{name}: expected at least 1, found {count}")
+        root = {name: math.sqrt(_extremes(M)[1]) for name, M in (("P", self.P), ("Q", self.Q), ("R", self.R))}
+        drift = np.concatenate([[0.0], np.cumsum(self._gains(min(horizon, steps)))]) * w
+        weighted = [root["P"] * initial]
+        for t in range(1, steps + 1):
+            m = min(t, horizon)
+            discount = self.eta ** np.arange(m - 1, -1, -1.0)
+            V, W = root["R"] * v, root["Q"] * w
+            candidate = float(discount @ (V + drift[:m]) ** 2)
+            total = float(discount.sum())
+            weighted.append(_least_bound(self.eta**m * weighted[t - m] ** 2, candidate, total * V**2, total * W**2))
+        bounds = np.array(weighted) / math.sqrt(_extremes(self.P)[0])
+        bounds[0] = initial
+        return bounds
+
+    def _gains(self, count: int) -> Array:
+        """At least ‖R^½ C Aⁱ‖, i = 0 … count-1, for every certified system."""
+        if self.A is None or self.C is None:
+            raise DdmheError("certificate: expected one with its model (A, C), found one without")
+        root_R = scipy.linalg.cholesky(self.R)
+        if self.noise is None:
+            powers = [np.eye(len(self.A))]
+            for _ in range(count - 1):
+                powers.append(self.A @ powers[-1])
+            return np.array([np.linalg.norm(root_R @ self.C @ power, 2) for power in powers])
+        # ‖C d‖²_R ≤ ‖A d‖²_P + … is no bound; over the set only norms are left: ‖C d‖_R ≤ (‖C_c‖ + spread)‖d‖_P.
+        assert self.uncertainty is not None
+        assert self.growth is not None
+        inverse = scipy.linalg.solve_triangular(scipy.linalg.cholesky(self.P), np.eye(len(self.P)))
+        spread = self.uncertainty.v * np.linalg.norm(_root(self.uncertainty.metric[:-1, :-1]) @ inverse, 2)
+        gain = np.linalg.norm(root_R @ self.C @ inverse, 2) + spread
+        largest = math.sqrt(_extremes(self.P)[1])
+        return np.asarray(gain * self.growth ** np.arange(count) * largest)
+
+    @property
+    def words(self) -> str:
+        """What is certified, for which systems, and what it asks of the estimator."""
+        scope = "the one system (A, C) that was given or identified"
+        if self.noise is not None:
+            chance = f", with probability {self.noise.confidence:g}," if self.noise.kind == "gaussian" else ""
+            scope = (
+                f"every system that the recording allows{chance} with {self.noise.kind} noise of {self.noise.x:g} on "
+                f"the "
+                f"states, {self.noise.y:g} on the outputs and {self.noise.w:g} on the motion"
+            )
+        return (
+            f"Certified for {scope}: discount {self.eta:.6g} per sample, cond P = {self.condition:.4g}, largest "
+            f"eigenvalue "
+            f"of the inequality {self.residual:.3g}. Estimation errors shrink with a horizon of at least "
+            f"{self.horizon}."
+        )
+
+
+def minimum_horizon(rho: float) -> int:
+    """Smallest M with 4 ρ^M < 1 (Liu et al. 2026, (33))."""
+    if not 0 < rho < 1:
+        raise DdmheError(f"rho: expected a number in (0, 1), found {rho}")
+    M = max(1, math.floor(math.log(0.25) / math.log(rho)))
+    while M > 1 and 4 * rho ** (M - 1) < 1:
+        M -= 1
+    while 4 * rho**M >= 1:
+        M += 1
+    return M
+
+
+def ioss(
+    history: History | None = None,
+    eta: float | None = None,
+    *,
+    A: ArrayLike | None = None,
+    C: ArrayLike | None = None,
+    condition: float | None = None,
+    noise: RecordingNoise | None = None,
+    gains: tuple[float, float] | None = None,
+) -> Certificate:
+    """Design a stability certificate from a recording, or from (A, C).
+
+    Minimises w² trace Q + v² trace R subject to (L) and P ⪰ I; with `noise`, to (L) for every system that the
+    recording allows.
+
+    Parameters
+    ----------
+    history : History
+        A recording; its affine least-squares model is certified, or with `noise` every system consistent with it.
+    eta : float in (0, 1)
+        Discount per sample. Default: the smallest that `condition` allows, or 0.95.
+    A, C : arrays (n, n), (p, n)
+        A known system instead of a recording.
+    condition : float > 1
+        Upper bound on cond P.
+    noise : RecordingNoise
+        Errors of the recording.
+    gains : (w, v)
+        Relative sizes of w and v in what is minimised. Default (1, ‖C‖): an output error as large as a unit of state.
+
+    Raises
+    ------
+    InfeasibleError
+        No certificate exists or none was found: unobservable modes that η does not cover, η too small for
+        `condition`, noise that
+        allows for systems that cannot be certified together.
+    DdmheError, ShapeError, NotFiniteError, RankError
+        Wrong arguments; a recording that does not determine (A, C).
+    """
+    _check_number("eta", eta, lambda v: 0 < v < 1, "a number in (0, 1)")
+    _check_number("condition", condition, lambda v: v > 1, "a number above 1")
+    system = _resolve(history, A, C, noise)
+    if gains is None:
+        gains = (1.0, max(float(np.linalg.norm(system.C, 2)), 1e-300))
+    if len(gains) != 2 or not all(math.isfinite(g) and g > 0 for g in gains):
+        raise DdmheError(f"gains: expected two positive numbers (w, v), found {gains}")
+    if eta is None:
+        eta = ETA if condition is None else _smallest_eta(system, condition)
+    found = _design(system, eta, condition, gains)
+    if found is None:
+        raise InfeasibleError(_why_not(system, eta, condition, noise))
+    return _certificate(system, *found, eta=eta, noise=noise, offsets=history is not None)
+
+
+def scalar_certificate(A: ArrayLike, C: ArrayLike, gain: ArrayLike, rho: float, mu: float) -> Certificate:
+    """The scalar weights of (17) as a certificate, P = I, R = μI, Q = 3I, η = ρ, if `gain` L (n, p) satisfies (24).
+
+    ‖A_L d - w + L(v - v̂)‖² ≤ 3‖A_L d‖² + 3‖w‖² + 3‖L(v - v̂)‖² with 6‖A_L‖² ≤ ρ, 6‖L‖² ≤ μ gives (L).
+    """
+    A, C = _system(A, C)
+    L = np.asarray(gain, dtype=np.float64)
+    if L.shape != C.T.shape:
+        raise ShapeError(f"gain: expected shape {C.T.shape}, found {L.shape}")
+    rho_0, mu_0 = 6 * np.linalg.norm(A + L @ C, 2) ** 2, 6 * np.linalg.norm(L, 2) ** 2
+    if not rho_0 <= rho < 1:
+        raise InfeasibleError(f"rho: expected a number in [{rho_0:.4g}, 1), which (24) asks for, found {rho}")
+    if not mu_0 <= mu < math.inf:
+        raise InfeasibleError(f"mu: expected at least {mu_0:.4g}, which (24) asks for, found {mu}")
+    P, Q, R = np.eye(len(A)), 3.0 * np.eye(len(A)), mu * np.eye(len(C))
+    residual = _largest(_dissipation(A, C, P, Q, R, rho))
+    if residual > 0:
+        raise InfeasibleError(f"gain: expected one for which the inequality holds, found its eigenvalue {residual:.3g}")
+    return Certificate(P, Q, R, rho, residual, A, C, growth=float(np.linalg.norm(A, 2)))
+
+
+# --- the system and its uncertainty
+
+
+def _resolve(
+    history: History | None, A: ArrayLike | None, C: ArrayLike | None, noise: RecordingNoise | None
+) -> ConsistentSet:
+    """The set of systems to certify; a single one has a root without columns."""
+    if (history is None) == (A is None and C is None):
+        raise DdmheError("history: expected either a recording or A and C, found both or neither")
+    if history is not None:
+        if not isinstance(history, History):
+            raise DdmheError(f"history: expected a History, found {type(history).__name__}")
+        if noise is not None:
+            return consistent_set(history, noise)
+        model = identify(history)
+        A_, e, C_, r = model.A, model.e, model.C, model.r
+    else:
+        if A is None or C is None:
+            raise DdmheError("A, C: expected both, found only one")
+        if noise is not None:
+            raise DdmheError("noise: expected a recording that it belongs to, found A and C")
+        A_, C_ = _system(A, C)
+        e, r = np.zeros(len(A_)), np.zeros(len(C_))
+    n, p = len(A_), len(C_)
+    return ConsistentSet(A_, e, C_, r, root=np.zeros((n + p, 0)), metric=np.zeros((n + 1, n + 1)))
+
+
+def _system(A: ArrayLike, C: ArrayLike) -> tuple[Array, Array]:
+    """A (n, n) and C (p, n), checked."""
+    A_, C_ = np.asarray(A, dtype=np.float64), np.asarray(C, dtype=np.float64)
+    if A_.ndim != 2 or A_.shape[0] != A_.shape[1] or not A_.size:
+        raise ShapeError(f"A: expected a square matrix, found shape {A_.shape}")
+    if C_.ndim != 2 or C_.shape[1] != len(A_) or not C_.size:
+        raise ShapeError(f"C: expected a matrix with {len(A_)} columns, found shape {C_.shape}")
+    for name, M in (("A", A_), ("C", C_)):
+        if not np.isfinite(M).all():
+            raise NotFiniteError(f"{name}: expected finite numbers, found {M[~np.isfinite(M)][0]}")
+    return A_, C_
+
+
+def _matching(P: Array, A: Array, R: Array, C: Array) -> None:
+    if P.shape != A.shape or len(R) != len(C):
+        raise ShapeError(f"A, C: expected n = {len(P)}, p = {len(R)}, found n = {len(A)}, p = {len(C)}")
+
+
+def _check_number(name: str, value: float | None, fits: Any, expected: str) -> None:
+    if value is not None and not (math.isfinite(value) and fits(value)):
+        raise DdmheError(f"{name}: expected {expected}, found {value}")
+
+
+# --- the inequality
+
+
+def _operators(system: ConsistentSet) -> tuple[Array, Array]:
+    """[A_c, [I 0]Δ^½] and [C_c, [0 I]Δ^½]: next difference and output difference from (d, s)."""
+    n = len(system.A)
+    return np.hstack([system.A, system.root[:n]]), np.hstack([system.C, system.root[n:]])
+
+
+def _storage(system: ConsistentSet, P: Any, R: Any, tau: Any, eta: float) -> Any:
+    """S = -Φ restricted to w = 0; NumPy arrays or cvxpy expressions."""
+    F, G = _operators(system)
+    n, k = len(system.A), system.root.shape[1]
+    E = np.eye(n, n + k)
+    allowed = E.T @ system.shape @ E - np.diag([0.0] * n + [1.0] * k)
+    S = eta * E.T @ P @ E + G.T @ R @ G - F.T @ P @ F
+    return S - tau * allowed if k else S
+
+
+def _inequality(system: ConsistentSet, P: Any, Q: Any, R: Any, tau: Any, eta: float) -> Any:
+    """-Φ on (d, s, w): positive semidefinite if and only if (L) holds for every system of the set."""
+    F, _ = _operators(system)
+    S, cross = _storage(system, P, R, tau, eta), -F.T @ P
+    if isinstance(S, np.ndarray):
+        return np.block([[S, cross], [cross.T, Q - P]])
+    return cp.bmat([[S, cross], [cross.T, Q - P]])
+
+
+def _dissipation(A: Array, C: Array, P: Array, Q: Array, R: Array, eta: float) -> Array:
+    """The matrix of (L)."""
+    return np.block([[A.T @ P @ A - eta * P - C.T @ R @ C, A.T @ P], [P @ A, P - Q]])
+
+
+def _largest(M: Array) -> float:
+    return float(np.linalg.eigvalsh(0.5 * (M + M.T))[-1])
+
+
+# --- the design
+
+
+def _transformed(system: ConsistentSet, T: Array, c: float) -> ConsistentSet:
+    """The set in coordinates d = T z, outputs divided by c."""
+    n, p = len(system.A), len(system.C)
+    inverse = np.linalg.inv(T)
+    left = scipy.linalg.block_diag(inverse, np.eye(p) / c)
+    metric = np.zeros_like(system.metric)
+    metric[:-1, :-1] = T.T @ system.shape @ T
+    moved = replace(system, A=inverse @ system.A @ T, C=system.C @ T / c, root=left @ system.root, metric=metric)
+    assert len(moved.A) == n
+    return moved
+
+
+def _balance(system: ConsistentSet, eta: float) -> Array | None:
+    """P₀ from the Riccati equation of the filter for (A/√η, C); it satisfies (L) itself, with R = ηI and some Q.
+
+    Σ = P₀⁻¹ = Ā(P₀ + CᵀC)⁻¹Āᵀ + W with W ≻ 0 means AᵀP₀A ≺ η(P₀ + CᵀC). None when the equation has no solution.
+    """
+    scale = float(np.linalg.norm(system.C, 2)) or 1.0
+    A, C = system.A / math.sqrt(eta), system.C / scale
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            sigma = scipy.linalg.solve_discrete_are(A.T, C.T, np.eye(len(A)), np.eye(len(C)))
+            P = np.linalg.inv(sigma)
+    except (np.linalg.LinAlgError, ValueError):
+        return None
+    P = 0.5 * (P + P.T)
+    return P if np.isfinite(P).all() and np.linalg.eigvalsh(P)[0] > 0 else None
+
+
+def _design(
+    system: ConsistentSet, eta: float, condition: float | None, gains: tuple[float, float]
+) -> tuple[Array, Array, Array, float, float] | None:
+    """(P, Q, R, τ, residual) in the user's units, verified; None if none was found."""
+    P_0 = _balance(system, eta)
+    if P_0 is None:
+        return None
+    scale = float(np.linalg.norm(system.C, 2)) or 1.0
+    values, vectors = np.linalg.eigh(P_0)
+    T = vectors / np.sqrt(values)  # TᵀP₀T = I
+    candidates = [_programme(_transformed(system, T, scale), T, eta, condition, (gains[0], gains[1] / scale))]
+    if not system.root.shape[1]:
+        candidates.append((np.eye(len(T)), eta * np.eye(len(system.C)), 0.0))  # the Riccati solution itself
+    for found in candidates:
+        if found is None:
+            continue
+        P, R, tau = found
+        inverse = np.linalg.inv(T)
+        verified = _verified(system, inverse.T @ P @ inverse, R / scale**2, tau, eta)
+        if verified is not None and (condition is None or _condition(verified[0]) <= condition * (1 + 1e-6)):
+            return verified
+    return None
+
+
+def _programme(
+    system: ConsistentSet, T: Array, eta: float, condition: float | None, gains: tuple[float, float]
+) -> tuple[Array, Array, float] | None:
+    """P, R, τ of the semidefinite programme in balanced coordinates; None unless the solver calls them (nearly)
+    optimal."""
+    n, p = len(system.A), len(system.C)
+    P, Q = cp.Variable((n, n), symmetric=True), cp.Variable((n, n), symmetric=True)
+    R = cp.Variable((p, p), symmetric=True)
+    tau = cp.Variable(nonneg=True)
+    unit = T.T @ T  # P ⪰ I in the user's coordinates
+    size = max(float(np.linalg.norm(unit, 2)), 1e-300)
+    kept = n + system.root.shape[1]
+    floor = MARGIN * scipy.linalg.block_diag(np.eye(kept), np.zeros((n, n)))
+    constraints = [_symmetric(_inequality(system, P, Q, R, tau, eta)) >> floor, R >> 1e-9 * np.eye(p), P >> unit / size]
+    if condition is not None:
+        constraints.append(P << condition * unit / size)
+    inverse = np.linalg.inv(T)
+    weight = inverse @ inverse.T
+    weight = weight / np.linalg.norm(weight, 2)
+    cost = (
+        gains[0] ** 2 * cp.trace(weight @ Q) / n
+        + (gains[1] ** 2) * cp.trace(R) * float(1 / np.linalg.norm(inverse @ inverse.T, 2)) / n
+    )
+    problem = cp.Problem(cp.Minimize(cost), constraints)
+    if not _solve(problem) or P.value is None or R.value is None:
+        return None
+    return P.value * size, R.value * size, float(tau.value) * size if system.root.shape[1] else 0.0
+
+
+def _symmetric(M: Any) -> Any:
+    return 0.5 * (M + M.T)
+
+
+def _solve(problem: Any) -> bool:
+    """Whether Clarabel found a point; what it is worth is for `_verified` to say."""
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            problem.solve(solver=cp.CLARABEL)
+    except cp.error.SolverError:
+        return False
+    return problem.status in (cp.OPTIMAL, cp.OPTIMAL_INACCURATE)
+
+
+def _verified(
+    system: ConsistentSet, P: Array, R: Array, tau: float, eta: float
+) -> tuple[Array, Array, Array, float, float] | None:
+    """P, Q, R, τ, residual with the inequality confirmed by eigenvalues in the user's units; None if they deny it.
+
+    Q is computed anew: with S ≻ 0 the smallest Q is P + PF S⁻¹ FᵀP (Schur complement). A little more of Q keeps the
+    eigenvalues
+    away from zero by more than rounding.
+    """
+    P, R = 0.5 * (P + P.T), 0.5 * (R + R.T)
+    smallest = float(np.linalg.eigvalsh(P)[0])
+    if not smallest > 0 or not float(np.linalg.eigvalsh(R)[0]) > 0:
+        return None
+    P, R, tau = P / smallest, R / smallest, tau / smallest
+    F, _ = _operators(system)
+    S = _storage(system, P, R, tau, eta)
+    values = np.linalg.eigvalsh(0.5 * (S + S.T))
+    if not values[0] > 0:
+        return None
+    Q = P + P @ F @ np.linalg.solve(0.5 * (S + S.T), F.T @ P)
+    Q = 0.5 * (Q + Q.T)
+    for more in (1e-6, 1e-4, 1e-2, 1.0):
+        inflated = Q + more * np.eye(len(Q)) * float(np.trace(Q)) / len(Q)
+        residual = -float(np.linalg.eigvalsh(_symmetric(_inequality(system, P, inflated, R, tau, eta)))[0])
+        if residual <= 0:
+            return P, inflated, R, tau, residual
+    return None
+
+
+def _certificate(
+    system: ConsistentSet,
+    P: Array,
+    Q: Array,
+    R: Array,
+    tau: float,
+    residual: float,
+    *,
+    eta: float,
+    noise: RecordingNoise | None,
+    offsets: bool,
+) -> Certificate:
+    n = len(P)
+    root_P, root_Q, root_R = (scipy.linalg.cholesky(M) for M in (P, Q, R))
+    inverse = scipy.linalg.solve_triangular(root_P, np.eye(n))
+    growth = float(np.linalg.norm(root_P @ system.A @ inverse, 2))
+    uncertainty = None
+    if noise is not None:
+        spread = float(np.linalg.norm(root_P @ system.root[:n], 2) * np.linalg.norm(_root(system.shape) @ inverse, 2))
+        growth += spread
+        w, v = (float(np.linalg.norm(U @ q, 2)) for U, q in ((root_Q, system.root[:n]), (root_R, system.root[n:])))
+        uncertainty = Uncertainty(system.metric, w, v)
+    e, r = (system.e, system.r) if offsets else (None, None)
+    return Certificate(P, Q, R, eta, residual, system.A, system.C, e, r, growth, uncertainty, noise)
+
+
+def _smallest_eta(system: ConsistentSet, condition: float) -> float:
+    """Smallest η, to 1e-3, at which cond P ≤ condition is possible: bisection."""
+    lo, hi = 0.0, 1.0 - 1e-4
+    if _design(system, hi, condition, (1.0, 1.0)) is None:
+        raise InfeasibleError(
+            f"condition: expected a bound on cond P that some eta below {hi} can meet, found {condition:g}"
+        )
+    while hi - lo > 1e-3:
+        middle = 0.5 * (lo + hi)
+        lo, hi = (lo, middle) if _design(system, middle, condition, (1.0, 1.0)) else (middle, hi)
+    return hi
+
+
+def _why_not(system: ConsistentSet, eta: float, condition: float | None, noise: RecordingNoise | None) -> str:
+    """Why there is no certificate, in words."""
+    modes = unobservable_modes(system.A, system.C)
+    slow = max((abs(z) for z in modes), default=0.0)
+    if slow**2 >= eta:
+        if slow >= 1:
+            return (
+                f"A, C: expected a detectable pair, found a mode of magnitude {slow:.6g} that no output shows: "
+                "no certificate exists"
+            )
+        return f"eta: expected more than {slow**2:.6g}, the square of the unobservable mode {slow:.6g}, found {eta:g}"
+    if noise is not None:
+        share = _certifiable_share(system, eta, condition)
+        return (
+            f"noise: expected a size that leaves systems which one certificate with eta = {eta:g} can cover, found a "
+            f"set of "
+            f"consistent systems that would have to be {share:.2g} times as wide; state less noise, record more "
+            f"motion or raise eta"
+        )
+    if condition is not None:
+        return f"eta: expected a larger one for cond P of at most {condition:g}, found {eta:g}"
+    return f"A, C: expected a pair whose certificate survives rounding, found one too badly observable at eta = {eta:g}"
+
+
+def _certifiable_share(system: ConsistentSet, eta: float, condition: float | None) -> float:
+    """Largest width of the set about its centre, relative to what it is, that can be certified: to 10 %, at least
+    1e-3."""
+    gains = (1.0, max(float(np.linalg.norm(system.C, 2)), 1e-300))
+    lo, hi = math.log(1e-3), 0.0
+    while hi - lo > 0.1:
+        middle = 0.5 * (lo + hi)
+        narrower = replace(system, root=math.exp(middle) * system.root)
+        lo, hi = (lo, middle) if _design(narrower, eta, condition, gains) is None else (middle, hi)
+    return math.exp(lo)
+
+
+# --- small mathematics
+
+
+def _least_bound(prior: float, candidate: float, noise: float, motion: float) -> float:
+    """√ of min over K > 1 of K(2 prior + candidate) + 2K/(2K-1) prior + K/(K-1) noise + motion."""
+
+    def bound(log_excess: float) -> float:
+        excess = math.exp(log_excess)
+        K = 1.0 + excess
+        return K * (2 * prior + candidate) + 2 * K / (2 * K - 1) * prior + K / excess * noise + motion
+
+    best = minimize_scalar(bound, bounds=(-30.0, 30.0), method="bounded")
+    return math.sqrt(min(bound(float(best.x)), bound(-30.0)))
+
+
+def _extremes(M: Array) -> tuple[float, float]:
+    values = np.linalg.eigvalsh(M)
+    return float(values[0]), float(values[-1])
+
+
+def _condition(M: Array) -> float:
+    lo, hi = _extremes(M)
+    return hi / lo
+
+
+def _root(M: Array) -> Array:
+    """U with UᵀU = M for a positive semidefinite M."""
+    values, vectors = np.linalg.eigh(M)
+    return np.asarray((vectors * np.sqrt(np.maximum(values, 0.0))).T)

@@ -1,0 +1,419 @@
+"""Pole placement from data: Algorithm 2 of Liu et al. 2026 as printed, with its limits stated.
+
+The algorithm looks for a gain L with the poles of A_L = A + L C in a region, for the weights ρ0 = 6 λmax(A_LᵀA_L) and
+μ0 = 6 λmax(LᵀL) of (24). It works on the dual system x⁺ = Aᵀx + Cᵀu through "dual data" (45), pseudo-inverses of the
+recorded differences (46), whose rank condition (44) contradicts itself: noise-free data of an autonomous system have
+[X1; Y0] = [A; C] X0 of rank at most n, never n + p. Only noise or nonlinearity fills the rank, and then shapes the
+result: with 2n + p or more noisy columns X0dl, U0dl and X1dl have independent rows, the programme can have X1dl X = 0
+and U0dl X = 0, and its optimum is A_L = 0, L = 0 whatever the system is, so that ρ0 and μ0 are the solver's rounding.
+So every number is computed twice: as printed, and with the same gain in an identified (or given) (A, C).
+"""
+
+from __future__ import annotations
+
+import math
+import warnings
+from dataclasses import dataclass
+from typing import Any
+
+import cvxpy as cp
+import numpy as np
+import scipy.linalg
+from numpy.typing import ArrayLike, NDArray
+
+from ddmhe._core import DdmheError, History, InfeasibleError, NotFiniteError, RankError, ShapeError
+from ddmhe.design.model import AffineModel, identify, unobservable_modes
+from ddmhe.design.regions import Disc, Region
+
+Array = NDArray[np.float64]
+
+__all__ = ["PolePlacement", "pole_placement"]
+
+MARGIN = 1e-6
+"""≻ 0 is asked for as ⪰ MARGIN·I: the blocks are of size 1, since (51c) makes X0dl X ≻ I."""
+AGREEMENT = 0.05
+"""The printed and the recomputed ρ0, μ0 agree when they differ by less than this share."""
+
+
+@dataclass(frozen=True, eq=False)
+class PolePlacement:
+    """What Algorithm 2 found, and what it is worth."""
+
+    feasible: bool
+    """Whether the semidefinite programme was solved with ρ0 < 1 as printed, at some radius."""
+    gain: Array | None
+    """L (n, p) with A_L = A + L C; None if no programme was solved."""
+    rho0: float
+    """6 λmax(A_LᵀA_L) with (53)'s A_L from the data; inf without a gain."""
+    mu0: float
+    """6 λmax(LᵀL); inf without a gain."""
+    poles: NDArray[np.complex128]
+    """Eigenvalues of (53)'s A_L; empty without a gain."""
+    beta: float
+    """β of (55b), the asymmetry of X0dl X; inf without a gain."""
+    radius: float
+    """Radius of the last attempt; 0 for a region that is not a disc."""
+    region: Region
+    """The region of the last attempt."""
+    singular_values: Array
+    """Of [X1; Y0] (46), largest first, each channel divided by its rms; of [A; C] where that was given."""
+    rank: int
+    """Numerical rank behind the pseudo-inverse; (44) asks for n + p."""
+    required_rank: int
+    """n + p."""
+    rho0_identified: float
+    """ρ0 with the gain in the identified or given (A, C)."""
+    mu0_identified: float
+    """The same as mu0: L does not depend on the model."""
+    poles_identified: NDArray[np.complex128]
+    """Poles of A + L C with the identified or given (A, C); those of A without a gain."""
+    agree: bool
+    """Whether both ways give the same ρ0 to 5 %."""
+    output_rank: int
+    """Rank of C, by its standard errors."""
+    lower_bound: float
+    """6 max ‖A b‖² over unit b with C b = 0: no gain makes ρ0 smaller; 0 if C has rank n."""
+    certified: bool
+    """Whether (24) holds for the identified or given (A, C): ρ0 < 1 there."""
+    words: str
+    """The verdict in sentences."""
+
+
+def pole_placement(
+    history: History | None = None,
+    radius: float = 0.9,
+    *,
+    A: ArrayLike | None = None,
+    C: ArrayLike | None = None,
+    Q: ArrayLike | None = None,
+    R: ArrayLike | None = None,
+    region: Region | None = None,
+    step: float = 0.5,
+    attempts: int = 6,
+) -> PolePlacement:
+    """Algorithm 2: the semidefinite programme (56) with (51b), (51c), (54), (55b), (55c), and its verdict.
+
+    Parameters
+    ----------
+    history : History
+        The recording.
+    radius : float in (0, 1)
+        Radius of the disc (54) for the poles; multiplied by `step` while the programme is infeasible or ρ0 ≥ 1
+        (Remark 6).
+    A, C : arrays (n, n), (p, n)
+        A known system instead of a recording.
+    Q, R : arrays (n, n), (p, p), symmetric positive definite
+        Q_dl and R_dl of (56); default identities.
+    region : Disc, HalfPlane or Cone
+        Another region instead of the disc; it is tried once.
+    step : float in (0, 1)
+    attempts : int
+
+    Raises
+    ------
+    InfeasibleError
+        (A, C) is unobservable: some pole cannot be placed at all.
+    RankError
+        Too few samples, or states that do not span n directions.
+    DdmheError, ShapeError, NotFiniteError
+        Wrong arguments.
+    """
+    for name, value in (("radius", radius), ("step", step)):
+        if not 0 < value < 1:
+            raise DdmheError(f"{name}: expected a number in (0, 1), found {value}")
+    if attempts < 1:
+        raise DdmheError(f"attempts: expected at least 1, found {attempts}")
+    data, model = _source(history, A, C)
+    n, p = data.X0.shape[0], data.U0.shape[0]
+    weights = _definite("Q", Q, n), _definite("R", R, p)
+    regions = [region] if region is not None else [Disc(radius * step**k) for k in range(attempts)]
+    lost = unobservable_modes(model.A, model.C)
+    if len(lost):
+        raise InfeasibleError(f"A, C: expected an observable pair, found a mode {lost[0]:.6g} that no output shows")
+    last: tuple[Region, _Solution | None] = (regions[0], None)
+    for tried in regions:
+        solution = _programme(data, tried, *weights)
+        if solution is not None or last[1] is None:
+            last = (tried, solution)
+        if solution is not None and (solution.rho0 < 1 or region is not None):
+            break
+    return _verdict(data, model, *last, tries=len(regions))
+
+
+# --- data
+
+
+@dataclass(frozen=True, eq=False)
+class _DualData:
+    """X0dl (n, K), U0dl (p, K), X1dl (n, K) of (45), with K reduced to the row space that they span."""
+
+    X0: Array
+    U0: Array
+    X1: Array
+    singular_values: Array
+    rank: int
+    arbitrary: bool = False
+    """Whether the rows are independent: then the programme is solved by A_L = 0, L = 0."""
+
+
+def _source(history: History | None, A: ArrayLike | None, C: ArrayLike | None) -> tuple[_DualData, AffineModel]:
+    if (history is None) == (A is None and C is None):
+        raise DdmheError("history: expected either a recording or A and C, found both or neither")
+    if history is not None:
+        if not isinstance(history, History):
+            raise DdmheError(f"history: expected a History, found {type(history).__name__}")
+        return _dual_data(history), identify(history)
+    if A is None or C is None:
+        raise DdmheError("A, C: expected both, found only one")
+    A_, C_ = (np.asarray(M, dtype=np.float64) for M in (A, C))
+    if A_.ndim != 2 or A_.shape[0] != A_.shape[1] or not A_.size:
+        raise ShapeError(f"A: expected a square matrix, found shape {A_.shape}")
+    if C_.ndim != 2 or C_.shape[1] != len(A_) or not C_.size:
+        raise ShapeError(f"C: expected a matrix with {len(A_)} columns, found shape {C_.shape}")
+    for name, M in (("A", A_), ("C", C_)):
+        if not np.isfinite(M).all():
+            raise NotFiniteError(f"{name}: expected finite numbers, found {M[~np.isfinite(M)][0]}")
+    n, p = len(A_), len(C_)
+    # n + p experiments on the dual system x⁺ = Aᵀx + Cᵀu, one from each unit vector of (x, u), tell all of it.
+    both = np.vstack([A_, C_])
+    data = _DualData(
+        np.eye(n, n + p), np.eye(p, n + p, n), both.T, np.asarray(np.linalg.svd(both, compute_uv=False)), n + p
+    )
+    model = AffineModel(
+        A_, np.zeros(n), C_, np.zeros(p), 1.0, np.zeros((n + p, n + p)), np.eye(n + 1), 0, "least squares"
+    )
+    return data, model
+
+
+def _dual_data(history: History) -> _DualData:
+    """(45) from the differences (46); samples are columns, no difference crosses a seam."""
+    n, p = history.n, history.p
+    parts = [(np.diff(x, axis=0), np.diff(y, axis=0)) for x, y in history.recordings if len(y) > 1]
+    columns = sum(len(dy) for _, dy in parts)
+    if columns < n + p:
+        raise RankError(f"history: expected at least n + p + 1 = {n + p + 1} outputs, found {columns + 1}")
+    X0 = np.concatenate([dx[: len(dy)] for dx, dy in parts]).T
+    X1 = np.concatenate([dx[1 : len(dy) + 1] for dx, dy in parts]).T
+    Y0 = np.concatenate([dy for _, dy in parts]).T
+    both = np.vstack([X1, Y0])
+    # Channels are brought to one size before the rank is judged: units must not decide it.
+    size = np.sqrt(np.mean(both**2, axis=1, keepdims=True))
+    size = np.where(size > 0, size, 1.0)
+    U, sigma, Vt = np.linalg.svd(both / size, full_matrices=False)
+    rank = int(np.sum(sigma > max(both.shape) * np.finfo(float).eps * sigma[0]))
+    # The pseudo-inverse of the unscaled data on the directions that are kept.
+    kept = (U[:, :rank] * sigma[:rank]) * 1.0
+    inverse = np.linalg.pinv(size * kept) if rank else np.zeros((0, n + p))
+    dual = (Vt[:rank].T @ inverse).T  # (n+p) x K, [X0dl; U0dl] = [X1ᵀ Y0ᵀ]†
+    X1dl = np.linalg.pinv(X0.T)
+    # X (K x n) enters through X0dl X, U0dl X, X1dl X only: its part outside of their row space is idle.
+    stack = np.vstack([dual, X1dl])
+    scale = np.linalg.norm(stack, axis=1, keepdims=True)
+    _, values, rows = np.linalg.svd(stack / np.where(scale > 0, scale, 1.0), full_matrices=False)
+    basis = rows[values > 1e-12 * values[0]].T
+    reduced = stack @ basis
+    return _DualData(reduced[:n], reduced[n : n + p], reduced[n + p :], sigma, rank, basis.shape[1] == 2 * n + p)
+
+
+def _definite(name: str, matrix: ArrayLike | None, size: int) -> Array:
+    """A symmetric positive definite weight, checked."""
+    if matrix is None:
+        return np.eye(size)
+    M = np.asarray(matrix, dtype=np.float64)
+    if M.shape != (size, size):
+        raise ShapeError(f"{name}: expected shape ({size}, {size}), found {M.shape}")
+    if not np.isfinite(M).all():
+        raise NotFiniteError(f"{name}: expected finite numbers, found {M[~np.isfinite(M)][0]}")
+    if not np.allclose(M, M.T, rtol=1e-9, atol=0):
+        raise DdmheError(f"{name}: expected a symmetric matrix, found one that is not")
+    smallest = float(np.linalg.eigvalsh(M)[0])
+    if smallest <= 0:
+        raise DdmheError(f"{name}: expected a positive definite matrix, found smallest eigenvalue {smallest:.4g}")
+    return M
+
+
+# --- the programme
+
+
+@dataclass(frozen=True, eq=False)
+class _Solution:
+    gain: Array
+    A_L: Array
+    beta: float
+
+    @property
+    def rho0(self) -> float:
+        return float(6 * np.linalg.norm(self.A_L, 2) ** 2)
+
+    @property
+    def mu0(self) -> float:
+        return float(6 * np.linalg.norm(self.gain, 2) ** 2)
+
+
+def _programme(data: _DualData, region: Region, Q: Array, R: Array) -> _Solution | None:
+    """(56); None if it has no solution whose poles lie in the region.
+
+    The blocks are Lyapunov inequalities only for a symmetric X0dl X, which (55b) merely favours through β. Where the
+    asymmetry
+    that is left puts a pole outside, the programme is solved again with X0dl X symmetric (β = 0).
+    """
+    for symmetric in (False, True):
+        solution = _solve(data, region, Q, R, symmetric)
+        if solution is not None and _contains(region, solution.A_L):
+            return solution
+    return None
+
+
+def _solve(data: _DualData, region: Region, Q: Array, R: Array, symmetric: bool) -> _Solution | None:
+    """One solution of (56), unchecked; None if the solver finds no point."""
+    n, p = data.X0.shape[0], data.U0.shape[0]
+    # X in the scale of the data, so that X0dl X is of size 1
+    unit = 1 / max(float(np.linalg.norm(data.X0, 2)), 1e-300)
+    X = cp.Variable((data.X0.shape[1], n))
+    W, beta = cp.Variable((p, p), symmetric=True), cp.Variable(nonneg=True)
+    S, Y, U = (unit * M @ X for M in (data.X0, data.X1, data.U0))
+    H = 0.5 * (S + S.T)  # the diagonal blocks of a symmetric matrix: (55b) keeps S near it
+    identity = np.eye(n)
+    root_R = scipy.linalg.cholesky(R)
+    constraints = [
+        _positive(W, root_R @ U, H),  # (51b)
+        _positive(H - identity, Y, H),  # (51c)
+        _inside(region, S, Y),  # (54), or another region
+        _positive(beta * identity, S - S.T, identity),  # (55b)
+        H >> MARGIN * identity,  # (55c)
+    ]
+    if symmetric:
+        constraints.append(S == S.T)
+    problem = cp.Problem(cp.Minimize(cp.trace(Q @ H) + cp.trace(W) + beta), constraints)
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            problem.solve(solver=cp.CLARABEL)
+    except cp.error.SolverError:
+        return None
+    if problem.status not in (cp.OPTIMAL, cp.OPTIMAL_INACCURATE) or X.value is None:
+        return None
+    S_, Y_, U_ = (unit * M @ X.value for M in (data.X0, data.X1, data.U0))
+    if not np.isfinite(S_).all() or np.linalg.cond(S_) > 1e12:
+        return None
+    inverse = np.linalg.inv(S_)
+    A_L, gain = (Y_ @ inverse).T, (U_ @ inverse).T  # (53)
+    return _Solution(gain, A_L, float(beta.value)) if np.isfinite(A_L).all() and np.isfinite(gain).all() else None
+
+
+def _positive(A: Any, B: Any, D: Any) -> Any:
+    """[[A, B], [Bᵀ, D]] ≻ 0 with a margin."""
+    block = cp.bmat([[A, B], [B.T, D]])
+    return 0.5 * (block + block.T) >> MARGIN * np.eye(block.shape[0])
+
+
+def _inside(region: Region, S: Any, Y: Any) -> Any:
+    """L ⊗ S + M ⊗ Y + Mᵀ ⊗ Yᵀ ≺ 0 (Definition 3), of which (54) is the case of a disc about 0."""
+    L, M = region.matrices()
+    n, size = S.shape[0], len(L)
+    H = 0.5 * (S + S.T)
+    block = cp.bmat([[L[i, j] * H + M[i, j] * Y + M[j, i] * Y.T for j in range(size)] for i in range(size)])
+    return 0.5 * (block + block.T) << -MARGIN * np.eye(n * size)
+
+
+def _contains(region: Region, A_L: Array) -> bool:
+    """Whether all eigenvalues lie in the region, up to rounding."""
+    L, M = region.matrices()
+    return all(np.linalg.eigvalsh(L + z * M + np.conj(z) * M.T)[-1] <= 1e-7 for z in np.linalg.eigvals(A_L))
+
+
+# --- the verdict
+
+
+def _verdict(
+    data: _DualData, model: AffineModel, region: Region, solution: _Solution | None, tries: int
+) -> PolePlacement:
+    n, p = data.X0.shape[0], data.U0.shape[0]
+    output_rank, lower = _blind(model)
+    A_true = model.A if solution is None else model.A + solution.gain @ model.C
+    rho0 = solution.rho0 if solution else math.inf
+    mu0 = solution.mu0 if solution else math.inf
+    rho0_identified = float(6 * np.linalg.norm(A_true, 2) ** 2) if solution else math.inf
+    agree = solution is not None and abs(rho0 - rho0_identified) <= AGREEMENT * rho0_identified
+    feasible = rho0 < 1
+    certified = rho0_identified < 1
+    return PolePlacement(
+        feasible=feasible,
+        gain=solution.gain if solution else None,
+        rho0=rho0,
+        mu0=mu0,
+        poles=np.linalg.eigvals(solution.A_L).astype(np.complex128) if solution else np.empty(0, dtype=np.complex128),
+        beta=solution.beta if solution else math.inf,
+        radius=region.radius if isinstance(region, Disc) else 0.0,
+        region=region,
+        singular_values=data.singular_values,
+        rank=data.rank,
+        required_rank=n + p,
+        rho0_identified=rho0_identified,
+        mu0_identified=mu0,
+        poles_identified=np.linalg.eigvals(A_true).astype(np.complex128),
+        agree=agree,
+        output_rank=output_rank,
+        lower_bound=lower,
+        certified=certified,
+        words=" ".join(_words(data, n, p, solution, tries, region, rho0_identified, agree, output_rank, lower)),
+    )
+
+
+def _blind(model: AffineModel) -> tuple[int, float]:
+    """Rank of C by its standard errors, and 6 max ‖A b‖² over unit b in its kernel."""
+    _, sigma, Vt = np.linalg.svd(model.C)
+    floor = max(2 * float(np.linalg.norm(model.standard_errors[1])), 1e-9 * float(sigma[0]))
+    rank = int(np.sum(sigma > floor))
+    kernel = Vt[rank:].T  # n x (n - rank)
+    return rank, float(6 * np.linalg.norm(model.A @ kernel, 2) ** 2) if kernel.size else 0.0
+
+
+def _words(
+    data: _DualData,
+    n: int,
+    p: int,
+    solution: _Solution | None,
+    tries: int,
+    region: Region,
+    rho0_identified: float,
+    agree: bool,
+    output_rank: int,
+    lower: float,
+) -> list[str]:
+    words = []
+    if data.rank < n + p:
+        words.append(
+            f"The rank condition (44) fails: the recorded differences have rank {data.rank}, not n + p = {n + p}, as "
+            f"those of any "
+            "noise-free autonomous system do. The pseudo-inverse then leaves no free gain but L = A^-T C^T, which "
+            "does not stabilise."
+        )
+    if lower >= 1:
+        words.append(
+            f"(24) is impossible: C has rank {output_rank} < n = {n}, and on its kernel no gain acts, so that "
+            f"rho0 >= {lower:.4g} for every gain. Use a weighted certificate (ddmhe.design.ioss) instead."
+        )
+    if data.arbitrary:
+        words.append(
+            f"The dual data have independent rows (noise or nonlinearity in at least 2n + p = {2 * n + p} columns): "
+            f"A_L = 0, L = 0 "
+            "solves the programme whatever the system is."
+        )
+    if solution is None:
+        words.append(
+            f"Algorithm 2 found no gain in {tries} attempt(s); the semidefinite programme is infeasible or fails."
+        )
+        return words
+    words.append(f"As printed: rho0 = {solution.rho0:.4g}, mu0 = {solution.mu0:.4g} for {region}.")
+    if not agree:
+        words.append(
+            f"With the same gain in the identified system rho0 = {rho0_identified:.4g}: the printed value is shaped "
+            f"by the "
+            "recording's noise or nonlinearity and certifies nothing."
+        )
+    if rho0_identified < 1:
+        words.append(f"In the identified system rho0 = {rho0_identified:.4g} < 1: (24) holds there.")
+    else:
+        words.append(f"In the identified system rho0 = {rho0_identified:.4g} >= 1: (24) does not hold there.")
+    return words

@@ -1,0 +1,74 @@
+"""LMI regions of the complex plane: {z : L + z M + z̄ Mᵀ ≺ 0} (Chilali, Gahinet 1996; Liu et al. 2026, Definition 3)."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ddmhe._core import DdmheError
+
+Array = NDArray[np.float64]
+
+__all__ = ["Cone", "Disc", "HalfPlane", "Region"]
+
+
+@dataclass(frozen=True)
+class Disc:
+    """|z - centre| < radius, the centre on the real axis. With centre 0 this is the disc of (54)."""
+
+    radius: float
+    centre: float = 0.0
+
+    def __post_init__(self) -> None:
+        """Check the fields."""
+        if not (math.isfinite(self.radius) and self.radius > 0 and math.isfinite(self.centre)):
+            raise DdmheError(f"region: expected a positive radius and a finite centre, found {self}")
+
+    def matrices(self) -> tuple[Array, Array]:
+        """L and M."""
+        q, r = -self.centre, self.radius
+        return np.array([[-r, q], [q, -r]]), np.array([[0.0, 1.0], [0.0, 0.0]])
+
+
+@dataclass(frozen=True)
+class HalfPlane:
+    """Re z < bound (or Re z > bound with `right`)."""
+
+    bound: float
+    right: bool = False
+
+    def __post_init__(self) -> None:
+        """Check the fields."""
+        if not math.isfinite(self.bound):
+            raise DdmheError(f"region: expected a finite bound, found {self.bound}")
+
+    def matrices(self) -> tuple[Array, Array]:
+        """L and M."""
+        sign = -1.0 if self.right else 1.0
+        return np.array([[-2.0 * sign * self.bound]]), np.array([[sign]])
+
+
+@dataclass(frozen=True)
+class Cone:
+    """|arg(z - apex)| < angle about the positive real axis, or about the negative one without `right`; angle in rad."""
+
+    angle: float
+    apex: float = 0.0
+    right: bool = True
+
+    def __post_init__(self) -> None:
+        """Check the fields."""
+        if not (0 < self.angle < math.pi / 2 and math.isfinite(self.apex)):
+            raise DdmheError(f"region: expected an angle in (0, pi/2) and a finite apex, found {self}")
+
+    def matrices(self) -> tuple[Array, Array]:
+        """L and M of sin(angle)·(-|Re|) + cos(angle)·|Im| < 0, turned to the side that is meant."""
+        s, c, sign = math.sin(self.angle), math.cos(self.angle), -1.0 if self.right else 1.0
+        M = np.array([[sign * s, c], [-c, sign * s]])
+        return -sign * 2.0 * s * self.apex * np.eye(2), M
+
+
+Region = Disc | HalfPlane | Cone

@@ -1,0 +1,431 @@
+"""Certificates: the inequality by eigenvalues, the error bounds by simulation, robustness by drawing recordings."""
+
+import numpy as np
+import pytest
+
+import ddmhe
+from ddmhe.design import Certificate, RecordingNoise, consistent_set, ioss, minimum_horizon, scalar_certificate
+from reference import random_system
+
+
+def largest_eigenvalue(c, A, C):
+    """Of the inequality, written down once more."""
+    top = np.hstack([A.T @ c.P @ A - c.eta * c.P - C.T @ c.R @ C, A.T @ c.P])
+    return np.linalg.eigvalsh(np.vstack([top, np.hstack([c.P @ A, c.P - c.Q])]))[-1]
+
+
+def random_pair(rng):
+    """Observable with probability one, n 1…6, p below and above n, stable and unstable."""
+    n, p = int(rng.integers(1, 7)), int(rng.integers(1, 9))
+    A = rng.standard_normal((n, n))
+    return A * rng.uniform(0.3, 1.2) / np.abs(np.linalg.eigvals(A)).max(), rng.standard_normal((p, n))
+
+
+@pytest.mark.parametrize("block", range(5))
+def test_random_observable_systems_are_certified(block):
+    rng = np.random.default_rng(block)
+    for _ in range(100):
+        A, C = random_pair(rng)
+        c = ioss(A=A, C=C, eta=float(rng.choice([0.5, 0.8, 0.95])))
+        assert largest_eigenvalue(c, A, C) <= 0
+        assert c.residual <= 0
+        assert np.linalg.eigvalsh(c.P)[0] >= 1 - 1e-9
+        assert c.growth == pytest.approx(np.sqrt(np.linalg.eigvals(np.linalg.solve(c.P, A.T @ c.P @ A)).real.max()))
+
+
+def test_best_gains_leave_nothing_to_halve():
+    """Half of Q, of R, or of both lets the inequality fail: the eigenvalues say so."""
+    rng = np.random.default_rng(3)
+    for _ in range(20):
+        A, C = random_pair(rng)
+        c = ioss(A=A, C=C, eta=0.9)
+        for P, Q, R in ((c.P, c.Q / 2, c.R), (2 * c.P, c.Q, c.R)):
+            assert Certificate(P, Q, R, c.eta, 0.0).verify(A, C) > 0
+        if np.abs(np.linalg.eigvals(A)).max() > 1:  # without the outputs an unstable motion does not shrink
+            assert Certificate(c.P, c.Q, c.R * 1e-3, c.eta, 0.0).verify(A, C) > 0
+
+
+def disturbed(system, rng, x_0, steps, w, v):
+    """States (steps+1, n) and outputs (steps, p) with ‖w(t)‖ <= w, ‖v(t)‖ <= v, random or in one direction all the
+    time."""
+    n, p = len(system.e), len(system.r)
+
+    def ball(size, dimension):
+        directions = rng.standard_normal((steps, dimension))
+        if rng.random() < 0.5:
+            directions[:] = directions[0]
+        lengths = np.linalg.norm(directions, axis=1, keepdims=True)
+        return size * directions / lengths * (rng.random((steps, 1)) if rng.random() < 0.3 else 1.0)
+
+    W, V = ball(w, n), ball(v, p)
+    x = [x_0]
+    for k in range(steps):
+        x.append(system.A @ x[-1] + system.e + W[k])
+    x = np.array(x)
+    return x, x[:-1] @ system.C.T + system.r + V
+
+
+@pytest.mark.parametrize("seed", range(25))
+def test_errors_never_exceed_either_bound(seed):
+    """400 trajectories of each of 25 systems, n 1…5: 10 000 in all, not one violation."""
+    rng = np.random.default_rng(seed)
+    n = 1 + seed % 5
+    system = random_system(rng, n, 1 + (seed // 5) % 4)
+    h = ddmhe.History(*system.simulate(rng.standard_normal(n), 60))
+    c = ioss(h, float(rng.choice([0.6, 0.8, 0.9])))
+    initial, w, v = 0.5, float(rng.choice([0.0, 0.02])), float(rng.choice([0.0, 0.1]))
+    estimator = ddmhe.DdMhe(h, c.horizon + seed % 3, space=ddmhe.Exact(), certificate=c, disturbance=(initial, w, v))
+    prior_bound = c.error_bound(30, estimator.horizon, initial, w, v)
+    for _ in range(400):
+        x_0, offset = rng.standard_normal(n), rng.standard_normal(n)
+        x, y = disturbed(system, rng, x_0, 30, w, v)
+        estimator.reset(x_0 + initial * offset / np.linalg.norm(offset))
+        log = estimator.run(y)
+        error = np.linalg.norm(log.x - x[1:], axis=1)
+        assert (error <= log.bound * (1 + 1e-9) + 1e-9).all()
+        assert (log.bound <= prior_bound[1:] * (1 + 1e-6) + 1e-8).all()
+
+
+def test_halving_the_weights_breaks_the_bound():
+    """An unstable system with its own R and P: the certificate that claims to do with a thousandth of R promises too
+    little."""
+    A, C = np.array([[1.2]]), np.array([[1.0]])
+    c = ioss(A=A, C=C, eta=0.5)
+    false = Certificate(c.P, c.Q, c.R * 1e-3, c.eta, 0.0)
+    assert false.verify(A, C) > 0
+    x = 1.2 ** np.arange(31.0)[:, None]
+    h = ddmhe.History(x, x[:-1])
+    error, bound = [], []
+    for claim in (c, false):
+        estimator = ddmhe.DdMhe(h, 3, space=ddmhe.Exact(), certificate=claim, disturbance=(0.5, 0.0, 0.01))
+        truth = 1.2 ** np.arange(21.0)[:, None]
+        estimator.reset([1.5])
+        log = estimator.run(truth[:-1] + 0.01)
+        error.append(np.abs(log.x - truth[1:])[:, 0])
+        bound.append(log.bound)
+    assert (error[0] <= bound[0]).all()
+    assert (error[1] > bound[1]).any()
+
+
+def test_bounds_grow_with_everything_they_are_made_of():
+    rng = np.random.default_rng(0)
+    system = random_system(rng, 3, 2)
+    h = ddmhe.History(*system.simulate(rng.standard_normal(3), 60))
+    c = ioss(h, 0.8)
+    _, y = disturbed(system, rng, rng.standard_normal(3), 30, 0.01, 0.05)
+
+    def both(*sizes):
+        log = ddmhe.DdMhe(h, space=ddmhe.Exact(), certificate=c, disturbance=sizes).run(y)
+        return np.concatenate([log.bound, c.error_bound(30, 8, *sizes)])
+
+    base = both(0.5, 0.01, 0.05)
+    for larger in ((0.6, 0.01, 0.05), (0.5, 0.02, 0.05), (0.5, 0.01, 0.06)):
+        assert (both(*larger) >= base - 1e-9).all()
+        assert (both(*larger) > base).any()
+
+
+def test_without_disturbances_the_error_vanishes_at_the_promised_rate():
+    rng = np.random.default_rng(1)
+    system = random_system(rng, 3, 1)
+    h = ddmhe.History(*system.simulate(rng.standard_normal(3), 60))
+    c = ioss(h, 0.7)
+    bound = c.error_bound(400, c.horizon + 1, 1.0, 0.0, 0.0)
+    kappa = 4 * 0.7 ** (c.horizon + 1)
+    assert bound[-1] == pytest.approx(bound[400 - 5 * (c.horizon + 1)] * kappa**2.5, rel=1e-4)
+
+
+def test_a_lost_output_is_bridged_by_the_growth():
+    rng = np.random.default_rng(2)
+    system = random_system(rng, 2, 2)
+    h = ddmhe.History(*system.simulate(rng.standard_normal(2), 60))
+    c = ioss(h, 0.8)
+    x_0 = rng.standard_normal(2)
+    x, y = disturbed(system, rng, x_0, 40, 0.01, 0.05)
+    y[10:13] = np.nan
+    y[20, 0] = np.nan
+    estimator = ddmhe.DdMhe(h, space=ddmhe.Exact(), x_prior=x_0, certificate=c, disturbance=(0.0, 0.01, 0.05))
+    log = estimator.run(y)
+    assert np.isfinite(log.bound).all()
+    assert (np.linalg.norm(log.x - x[1:], axis=1) <= log.bound).all()
+
+
+def test_a_snapshot_carries_the_bound():
+    rng = np.random.default_rng(2)
+    system = random_system(rng, 2, 1)
+    h = ddmhe.History(*system.simulate(rng.standard_normal(2), 60))
+    _, y = disturbed(system, rng, rng.standard_normal(2), 30, 0.01, 0.05)
+    one = ddmhe.DdMhe(h, certificate=ioss(h, 0.8), disturbance=(0.5, 0.01, 0.05))
+    one.run(y[:15])
+    two = ddmhe.DdMhe.restore(one.snapshot())
+    np.testing.assert_array_equal(one.run(y[15:]).bound, two.run(y[15:]).bound)
+
+
+def test_matrix_weights_solve_the_stated_problem():
+    """min 2η^M‖x - x̄‖²_P + Σ η^{j-1}‖v‖²_R over the true model by dense least squares, outputs missing here and
+    there."""
+    rng = np.random.default_rng(4)
+    for _ in range(20):
+        system = random_system(rng, 3, 2)
+        h = ddmhe.History(*system.simulate(rng.standard_normal(3), 60))
+        c = ioss(h, 0.6)
+        estimator = ddmhe.DdMhe(h, 4, space=ddmhe.Exact(), certificate=c)
+        _, y = disturbed(system, rng, rng.standard_normal(3), 4, 0.01, 0.1)
+        y[2, 0] = np.nan
+        prior = rng.standard_normal(3)
+        estimator.reset(prior)
+        for sample in y:
+            estimate = estimator.step(sample)
+        rows, target = [np.linalg.cholesky(2 * 0.6**4 * c.P).T], [np.linalg.cholesky(2 * 0.6**4 * c.P).T @ prior]
+        power, offset = np.eye(3), np.zeros(3)
+        for k in range(4):
+            seen = np.isfinite(y[k])
+            # a free entry of v leaves the marginal precision of the others
+            weight = np.linalg.inv(np.linalg.inv(c.R)[np.ix_(seen, seen)])
+            U = np.linalg.cholesky(0.6 ** (3 - k) * weight).T
+            rows.append(U @ (system.C @ power)[seen])
+            target.append(U @ (y[k] - system.C @ offset - system.r)[seen])
+            power, offset = system.A @ power, system.A @ offset + system.e
+        F, f = np.vstack(rows), np.concatenate(target)
+        x_0 = np.linalg.lstsq(F, f, rcond=None)[0]
+        np.testing.assert_allclose(estimate.window[0], x_0, atol=1e-7)
+        np.testing.assert_allclose(estimate.x, power @ x_0 + offset, atol=1e-7)
+        assert estimate.cost == pytest.approx(np.sum((F @ x_0 - f) ** 2), rel=1e-5, abs=1e-9)
+
+
+def test_scalar_weights_are_a_special_certificate():
+    A, C = np.array([[0.9, 0.1], [0.0, 0.8]]), np.eye(2)
+    L = -A + 0.1 * np.eye(2)
+    c = scalar_certificate(A, C, L, rho=0.5, mu=20.0)
+    assert largest_eigenvalue(c, A, C) <= 0
+    rng = np.random.default_rng(0)
+    x = np.array([np.linalg.matrix_power(A, k) @ [1.0, 2.0] for k in range(31)])
+    h = ddmhe.History(x, x[:-1] @ C.T)
+    y = x[:-1] + 0.1 * rng.standard_normal((30, 2))
+    by_certificate = ddmhe.DdMhe(h, 5, certificate=c, space=ddmhe.Exact()).run(y)
+    by_numbers = ddmhe.DdMhe(h, 5, 0.5, 20.0, space=ddmhe.Exact()).run(y)
+    np.testing.assert_allclose(by_certificate.x, by_numbers.x, atol=1e-12)
+    np.testing.assert_allclose(by_certificate.cost, by_numbers.cost, rtol=1e-9)
+    with pytest.raises(ddmhe.InfeasibleError, match="rho: expected"):
+        scalar_certificate(A, C, L, rho=0.01, mu=20.0)
+    with pytest.raises(ddmhe.InfeasibleError, match="mu: expected at least"):
+        scalar_certificate(A, C, L, rho=0.5, mu=1.0)
+
+
+def test_34_as_printed_is_too_small():
+    """x⁺ = 0.9 x + w, y = 100 x, L = -0.009: μ0 = 6 L² = 4.9e-4. w(t-1) is in no output up to t-1, so the error
+    reaches |w|, but
+    (34) allows √μ |w| per step and decays at once. Our bound holds.
+    """
+    A, C, L = np.array([[0.9]]), np.array([[100.0]]), np.array([[-0.009]])
+    rho, mu, M, w = 0.1, 1e-3, 1, 0.1
+    assert 6 * (A + L @ C)[0, 0] ** 2 <= rho
+    assert 6 * L[0, 0] ** 2 <= mu
+    x = 0.9 ** np.arange(31.0)[:, None]
+    h = ddmhe.History(x, x[:-1] @ C.T)
+    truth = [np.array([1.0])]
+    for _ in range(20):
+        truth.append(A @ truth[-1] + w)
+    truth = np.array(truth)
+    c = scalar_certificate(A, C, L, rho, mu)
+    estimator = ddmhe.DdMhe(h, M, certificate=c, disturbance=(0.0, w, 0.0), x_prior=[1.0], space=ddmhe.Exact())
+    log = estimator.run(truth[:-1] @ C.T)
+    error = np.abs(log.x - truth[1:])[:, 0]
+    kappa = 4 * rho**M
+    printed = np.array([sum(np.sqrt(kappa) ** (t - 1 - j) * np.sqrt(mu) * w for j in range(t)) for t in range(1, 21)])
+    assert (error > printed).all()
+    assert (error <= log.bound).all()
+    assert (error <= c.error_bound(20, M, 0.0, w, 0.0)[1:]).all()
+
+
+def test_the_papers_satellite_is_certified():
+    """Where (24) is impossible: η = 0.95 at cond P = 130 (the value that an independent prototype found), M = 28."""
+    record = ddmhe.models.detumbling().simulate(20.0, 0.1)
+    h = ddmhe.History(record.x, record.y[:-1], dt=0.1)
+    c = ioss(h, 0.95)
+    assert c.condition == pytest.approx(130, rel=0.02)
+    assert c.horizon == 28
+    assert c.residual <= 0
+    assert ddmhe.DdMhe(h, certificate=c).horizon == 28
+    with pytest.raises(ddmhe.DdmheError, match="horizon: expected at least 28"):
+        ddmhe.DdMhe(h, 27, certificate=c)
+    smaller = ioss(h, condition=200.0)
+    assert smaller.condition <= 200.1
+    assert smaller.eta < 0.95
+    with pytest.raises(ddmhe.InfeasibleError, match="eta: expected a larger one"):
+        ioss(h, smaller.eta - 0.01, condition=200.0)
+
+
+# --- robust
+
+
+A_TRUE = np.array([[0.95, 0.3, 0.0], [-0.3, 0.95, 0.1], [0.0, 0.0, -0.99]])
+C_TRUE = np.array([[1.0, 0.0, 0.5]])
+E_TRUE, R_TRUE = np.array([0.1, -0.2, 0.3]), np.array([2.0])
+
+
+def rich_recording(rng, noise, steps=150):
+    """A motion in all directions, with errors at the stated bound (on its sphere) or Gaussian."""
+    x = [rng.choice([-1.0, 1.0], 3) * rng.uniform(1.0, 2.0, 3)]
+    for _ in range(steps):
+        drive = rng.standard_normal(3)
+        drive *= noise.w / np.linalg.norm(drive) if noise.kind == "bounded" else noise.w
+        x.append(A_TRUE @ x[-1] + E_TRUE + drive)
+    x = np.array(x)
+
+    def errors(shape, size):
+        e = rng.standard_normal(shape)
+        return size * (e / np.linalg.norm(e, axis=1, keepdims=True) if noise.kind == "bounded" else e)
+
+    y = x[:-1] @ C_TRUE.T + R_TRUE
+    return ddmhe.History(x + errors(x.shape, noise.x), y + errors(y.shape, noise.y))
+
+
+@pytest.mark.parametrize("kind", ["bounded", "gaussian"])
+def test_the_true_system_is_always_among_the_consistent_ones(kind):
+    rng = np.random.default_rng(0)
+    noise = RecordingNoise(x=2e-3, y=2e-3, w=1e-3, kind=kind)
+    for _ in range(1000):
+        assert consistent_set(rich_recording(rng, noise), noise).contains(A_TRUE, E_TRUE, C_TRUE, R_TRUE)
+
+
+def test_an_understated_noise_excludes_the_true_system():
+    rng = np.random.default_rng(0)
+    noise = RecordingNoise(x=2e-3, y=2e-3)
+    missed = 0
+    for _ in range(20):
+        h = rich_recording(rng, noise)
+        try:
+            found = consistent_set(h, RecordingNoise(x=1e-4, y=1e-4))
+            missed += not found.contains(A_TRUE, E_TRUE, C_TRUE, R_TRUE)
+        except ddmhe.DdmheError as e:
+            missed += "no linear system explains" in str(e)
+    assert missed == 20
+
+
+@pytest.mark.parametrize("kind", ["bounded", "gaussian"])
+def test_a_robust_certificate_holds_for_the_true_system(kind):
+    """1000 recordings: the true system satisfies the inequality every time."""
+    rng = np.random.default_rng(1)
+    noise = RecordingNoise(x=1e-3, y=1e-3, kind=kind)
+    for _ in range(500):
+        c = ioss(rich_recording(rng, noise), 0.95, noise=noise)
+        assert c.residual <= 0
+        assert largest_eigenvalue(c, A_TRUE, C_TRUE) <= 0
+        assert c.growth >= np.linalg.norm(
+            np.linalg.cholesky(c.P).T @ A_TRUE @ np.linalg.inv(np.linalg.cholesky(c.P).T), 2
+        )
+
+
+def test_a_robust_certificate_holds_on_the_boundary_of_its_set():
+    """Systems drawn on the boundary, ‖Γ‖ = 1: an independent look at the S-lemma. A nominal certificate fails there."""
+    rng = np.random.default_rng(3)
+    noise = RecordingNoise(x=3e-3, y=3e-3)
+    h = rich_recording(rng, noise)
+    allowed = consistent_set(h, noise)
+    robust, nominal = ioss(h, 0.95, noise=noise), ioss(h, 0.95)
+    values, vectors = np.linalg.eigh(allowed.shape)
+    root = vectors * np.sqrt(values) @ vectors.T
+    denied = 0
+    for _ in range(2000):
+        U, _, Vt = np.linalg.svd(rng.standard_normal((4, 3)), full_matrices=False)
+        K = allowed.root @ U @ Vt @ root
+        A, C = allowed.A + K[:3], allowed.C + K[3:]
+        assert largest_eigenvalue(robust, A, C) <= 0
+        denied += largest_eigenvalue(nominal, A, C) > 0
+    assert denied > 0
+
+
+def test_robust_bounds_hold_for_estimates_from_the_noisy_recording():
+    """Noisy recording, default space: the windows are no one's trajectories, and the bound accounts for it."""
+    rng = np.random.default_rng(5)
+    noise = RecordingNoise(x=1e-3, y=1e-3)
+    for _ in range(20):
+        h = rich_recording(rng, noise)
+        c = ioss(h, 0.95, noise=noise)
+        x = [h.recordings[0][0][-1]]
+        prior = x[0] + np.array([0.01, 0, 0])
+        for _ in range(60):
+            x.append(A_TRUE @ x[-1] + E_TRUE)
+        x = np.array(x)
+        y = x[:-1] @ C_TRUE.T + R_TRUE + rng.uniform(-0.01, 0.01, (60, 1))
+        log = ddmhe.DdMhe(h, x_prior=prior, certificate=c, disturbance=(0.01, 0.0, 0.01)).run(y)
+        assert (np.linalg.norm(log.x - x[1:], axis=1) <= log.bound).all()
+        assert c.error_bound(60, c.horizon, 0.01, 0.0, 0.01)[-1] > 0
+
+
+def test_what_noise_costs():
+    """More noise, larger weights; at none the robust certificate is the nominal one; at too much there is none."""
+    rng = np.random.default_rng(6)
+    h = rich_recording(rng, RecordingNoise(x=1e-3, y=1e-3))
+    sizes = [np.trace(ioss(h, 0.95, noise=RecordingNoise(x=s, y=s)).Q) for s in (1e-3, 2e-3, 4e-3)]
+    assert sizes == sorted(sizes)
+    assert sizes[0] > np.trace(ioss(h, 0.95).Q)
+    with pytest.raises(ddmhe.InfeasibleError, match="noise: expected a size that leaves"):
+        ioss(h, 0.95, noise=RecordingNoise(x=1e-3, y=5.0))
+    with pytest.raises(ddmhe.RankError, match="noise: expected a recording that moves every direction"):
+        ioss(h, 0.95, noise=RecordingNoise(x=10.0))
+
+
+def test_minimum_horizon():
+    assert minimum_horizon(0.8) == 7
+    assert minimum_horizon(0.5) == 3  # 4·0.5² = 1 is not below 1
+    assert minimum_horizon(0.25) == 2
+    assert minimum_horizon(0.2) == 1
+    for M in range(1, 200):
+        rho = 0.25 ** (1 / M)
+        found = minimum_horizon(rho)
+        assert 4 * rho**found < 1
+        assert found == 1 or 4 * rho ** (found - 1) >= 1
+
+
+def test_errors_name_the_argument():
+    A, C = np.diag([0.99, 0.5]), np.array([[1.0, 1.0]])
+    hidden = np.array([[0.0, 1.0]])
+    x = np.random.default_rng(0).standard_normal((30, 2))
+    h = ddmhe.History(x, x[:-1] @ C.T)
+    cases = [
+        (dict(A=A, C=hidden, eta=0.95), "eta: expected more than 0.9801, the square of the unobservable mode 0.99"),
+        (dict(A=np.diag([1.1, 0.5]), C=hidden, eta=0.95), "A, C: expected a detectable pair"),
+        (dict(A=A, C=C, eta=1.0), "eta: expected a number in"),
+        (dict(A=A, C=C, eta=float("nan")), "eta: expected a number in"),
+        (dict(A=A, C=C, condition=0.5), "condition: expected a number above 1"),
+        (dict(A=A, C=C, noise=RecordingNoise(1e-3)), "noise: expected a recording"),
+        (dict(A=A, C=C, gains=(1.0, -1.0)), "gains: expected two positive numbers"),
+        (dict(A=A[0], C=C), "A: expected a square matrix"),
+        (dict(A=A, C=C.T), "C: expected a matrix with 2 columns"),
+        (dict(A=A, C=C * np.inf), "C: expected finite numbers"),
+        (dict(A=A), "A, C: expected both"),
+        (dict(), "history: expected either a recording or A and C"),
+        (dict(history=h, A=A, C=C), "history: expected either a recording or A and C"),
+        (dict(history=x), "history: expected a History"),
+        (dict(history=ddmhe.History(x[:3], x[:2])), "history: expected"),
+        (dict(history=h, eta=0.9, noise=RecordingNoise(1e-6, 1e-6)), "no linear system explains the recording"),
+    ]
+    for arguments, message in cases:
+        with pytest.raises(ddmhe.DdmheError, match=message):
+            ioss(**arguments)
+    for arguments in (dict(x=-1.0), dict(y=np.nan), dict(kind="odd"), dict(confidence=1.0)):
+        with pytest.raises(ddmhe.DdmheError, match="noise: expected"):
+            RecordingNoise(**arguments)
+    assert ioss(A=A, C=hidden, eta=0.99).residual <= 0  # detectable: enough
+
+
+def test_the_estimator_checks_its_certificate():
+    x = np.random.default_rng(0).standard_normal((30, 2))
+    h = ddmhe.History(x, x[:-1, :1])
+    good = Certificate(np.eye(2), 2 * np.eye(2), np.eye(1), 0.5, 0.0)
+    cases = [
+        (dict(certificate=good, rho=0.9), "rho: expected none beside a certificate"),
+        (dict(certificate=good, mu=1.0), "mu: expected none beside a certificate"),
+        (dict(certificate=good, horizon=2), "horizon: expected at least 3"),
+        (dict(disturbance=(0.0, 0.0, 0.0)), "disturbance: expected a certificate"),
+        (dict(certificate=good, disturbance=(0.0, -1.0, 0.0)), "disturbance: expected a finite w"),
+        (dict(certificate=good, disturbance=1.0), "disturbance: expected three numbers"),
+        (dict(certificate="c"), "certificate: expected a ddmhe.design.Certificate"),
+        (dict(certificate=Certificate(-np.eye(2), np.eye(2), np.eye(1), 0.5, 0.0)), "symmetric positive definite P"),
+        (dict(certificate=Certificate(np.eye(3), np.eye(2), np.eye(1), 0.5, 0.0)), "certificate: expected a matrix"),
+        (dict(certificate=Certificate(np.eye(2), np.eye(2), np.eye(1), 1.5, 0.0)), "eta in"),
+    ]
+    for arguments, message in cases:
+        with pytest.raises(ddmhe.DdmheError, match=message):
+            ddmhe.DdMhe(h, **arguments)
