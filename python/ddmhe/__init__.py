@@ -33,6 +33,7 @@ from ddmhe._core import (
     ShapeError,
     Truncated,
 )
+from ddmhe.tuning import Tuning, tune
 
 __version__ = _version("ddmhe")
 
@@ -51,6 +52,8 @@ __all__ = [
     "Ridge",
     "ShapeError",
     "Truncated",
+    "Tuning",
     "design",
     "models",
+    "tune",
 ]

@@ -1,7 +1,7 @@
 """Types of the compiled core; its docstrings are those of the classes themselves."""
 
 from collections.abc import Iterable, Sequence
-from typing import Literal, Protocol, TypeAlias, final
+from typing import Any, Literal, Protocol, TypeAlias, final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -73,9 +73,16 @@ class Truncated:
 
 @final
 class Ridge:
-    def __new__(cls, weight: float) -> Ridge: ...
+    def __new__(cls, weight: float, normalised: bool = False) -> Ridge: ...
     @property
     def weight(self) -> float: ...
+    @property
+    def normalised(self) -> bool: ...
+
+def validate(
+    folds: Sequence[tuple[History, ArrayLike, ArrayLike, ArrayLike]],
+    jobs: Sequence[tuple[int, dict[str, Any]]],
+) -> list[tuple[float, float]]: ...
 
 @final
 class DdMhe:

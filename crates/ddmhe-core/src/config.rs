@@ -109,7 +109,7 @@ pub(crate) fn validate(history: &History, config: &Config) -> Result<(), Error> 
         Space::Truncated { tol: Some(tol), .. } if !(0.0..1.0).contains(&tol) => {
             return Err(Error::value("space", "Truncated with tol in [0, 1)", tol));
         }
-        Space::Ridge { weight } if !(weight > 0.0 && weight.is_finite()) => {
+        Space::Ridge { weight, .. } if !(weight > 0.0 && weight.is_finite()) => {
             return Err(Error::value("space", "Ridge with a positive finite weight", weight));
         }
         _ => {}

@@ -58,6 +58,7 @@ mod qp;
 mod snapshot;
 pub mod space;
 pub mod tol;
+pub mod validation;
 mod weights;
 mod window;
 

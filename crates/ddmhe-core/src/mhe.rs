@@ -61,7 +61,8 @@ impl DdMhe {
         let mut deepest = problem(horizon, &selection)?;
         let mut radius = spectral_radius(&deepest);
         for _ in 0..tol::GUARD {
-            let Some(heavier) = selection.heavier().filter(|_| !stable(radius)) else { break };
+            let guarded = config.space == Space::Auto && !stable(radius);
+            let Some(heavier) = selection.heavier().filter(|_| guarded) else { break };
             selection = heavier;
             deepest = problem(horizon, &selection)?;
             radius = spectral_radius(&deepest);
@@ -353,7 +354,10 @@ fn select(space: &Space, rule: &Defaults, mu: f64, n: usize) -> Selection {
         Space::Exact => Selection { rank: None, tol: None, penalty: Penalty::None },
         Space::Truncated { rank: None, tol: None } => Selection { rank: Some(n), tol: None, penalty: Penalty::None },
         Space::Truncated { rank, tol } => Selection { rank, tol, penalty: Penalty::None },
-        Space::Ridge { weight } => Selection { rank: None, tol: None, penalty: Penalty::Alpha(weight) },
+        Space::Ridge { weight, normalised } => {
+            let penalty = if normalised { Penalty::Normalised(weight) } else { Penalty::Alpha(weight) };
+            Selection { rank: None, tol: None, penalty }
+        }
     }
 }
 

@@ -48,8 +48,10 @@ pub enum Space {
     },
     /// Every direction above rounding level, and `weight`·‖α‖² added to the cost (17), in its units.
     Ridge {
-        /// Weight on ‖α‖², > 0.
+        /// Weight, > 0.
         weight: f64,
+        /// Whether it is on ‖a‖² = N‖α‖² - 1 in units of s_x² instead: the same for every recording length, horizon and unit.
+        normalised: bool,
     },
 }
 

@@ -5,6 +5,7 @@ mod convert;
 mod history;
 mod mhe;
 mod spaces;
+mod validation;
 
 use pyo3::prelude::*;
 
@@ -19,4 +20,6 @@ mod _core {
     use crate::mhe::{DdMhe, Estimate, Log};
     #[pymodule_export]
     use crate::spaces::{Exact, Ridge, Truncated};
+    #[pymodule_export]
+    use crate::validation::validate;
 }

@@ -78,10 +78,7 @@ impl DdMhe {
         certificate: Option<&Bound<'_, PyAny>>,
         disturbance: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Self> {
-        let history = history
-            .cast::<History>()
-            .map_err(|_| DdmheError::new_err(format!("history: expected a History, found {}", history.get_type())))?
-            .get();
+        let history = cast_history("history", history)?;
         let (n, p) = (history.core.n(), history.core.p());
         let config = Config {
             horizon: horizon.map(|v| whole("horizon", v)).transpose()?,
@@ -242,6 +239,12 @@ impl DdMhe {
     }
 }
 
+/// The History behind a Python argument.
+pub fn cast_history<'a>(argument: &str, value: &'a Bound<'_, PyAny>) -> PyResult<&'a History> {
+    let wrong = |_| DdmheError::new_err(format!("{argument}: expected a History, found {}", value.get_type()));
+    Ok(value.cast::<History>().map_err(wrong)?.get())
+}
+
 fn center(value: &Bound<'_, PyAny>) -> PyResult<Center> {
     if value.extract::<String>().is_ok_and(|s| s == "history") {
         return Ok(Center::History);
@@ -249,7 +252,7 @@ fn center(value: &Bound<'_, PyAny>) -> PyResult<Center> {
     Err(DdmheError::new_err(format!("x_center: expected None or \"history\", found {}", value.repr()?)))
 }
 
-fn rest(value: &Bound<'_, PyAny>, n: usize, p: usize) -> PyResult<(Vec<f64>, Vec<f64>)> {
+pub fn rest(value: &Bound<'_, PyAny>, n: usize, p: usize) -> PyResult<(Vec<f64>, Vec<f64>)> {
     let wrong = || ShapeError::new_err("equilibrium: expected a pair (x_e, y_e)");
     let sides: Vec<Bound<'_, PyAny>> = value.try_iter().map_err(|_| wrong())?.collect::<PyResult<_>>()?;
     let [x, y] = &sides[..] else { return Err(wrong()) };

@@ -58,22 +58,32 @@ impl Truncated {
 }
 
 /// Every direction above rounding level, and weight * ||alpha||**2 added to the cost (17), in its units.
+///
+/// Parameters
+/// ----------
+/// weight : float > 0
+/// normalised : bool
+///     True: the weight is on ||a||**2 = N ||alpha||**2 - 1, in units of the states' variance: what DdMhe.ridge shows, and the
+///     same for every length of recording, horizon and unit.
 #[pyclass(module = "ddmhe", frozen, eq, name = "Ridge")]
 #[derive(PartialEq)]
 pub struct Ridge {
     #[pyo3(get)]
     weight: f64,
+    #[pyo3(get)]
+    normalised: bool,
 }
 
 #[pymethods]
 impl Ridge {
     #[new]
-    fn new(weight: f64) -> Self {
-        Ridge { weight }
+    #[pyo3(signature = (weight, normalised=false))]
+    fn new(weight: f64, normalised: bool) -> Self {
+        Ridge { weight, normalised }
     }
 
     fn __repr__(&self) -> String {
-        format!("Ridge({:e})", self.weight)
+        format!("Ridge({:e}{})", self.weight, if self.normalised { ", normalised=True" } else { "" })
     }
 }
 
@@ -86,7 +96,7 @@ pub fn space(value: &Bound<'_, PyAny>) -> PyResult<Space> {
         return Ok(Space::Truncated { rank: t.get().rank, tol: t.get().tol });
     }
     if let Ok(r) = value.cast::<Ridge>() {
-        return Ok(Space::Ridge { weight: r.get().weight });
+        return Ok(Space::Ridge { weight: r.get().weight, normalised: r.get().normalised });
     }
     if value.extract::<String>().is_ok_and(|s| s == "auto") {
         return Ok(Space::Auto);
@@ -103,6 +113,6 @@ pub fn to_python(py: Python<'_>, space: Space) -> PyResult<Bound<'_, PyAny>> {
         Space::Auto => "auto".into_bound_py_any(py),
         Space::Exact => Exact.into_bound_py_any(py),
         Space::Truncated { rank, tol } => Truncated { rank, tol }.into_bound_py_any(py),
-        Space::Ridge { weight } => Ridge { weight }.into_bound_py_any(py),
+        Space::Ridge { weight, normalised } => Ridge { weight, normalised }.into_bound_py_any(py),
     }
 }

@@ -1,0 +1,78 @@
+//! Many settings tried on held-out parts of a recording, in parallel: the work behind tuning.
+
+use crate::config::{Config, check_vector};
+use crate::error::Error;
+use crate::history::{History, check_finite};
+use crate::mhe::DdMhe;
+use rayon::prelude::*;
+
+/// A part of a recording to learn from, and another to estimate.
+#[derive(Debug, Clone)]
+pub struct Fold {
+    /// What the estimator learns from.
+    pub history: History,
+    /// The state before the first estimate (n).
+    pub x_prior: Vec<f64>,
+    /// Outputs to estimate from, N·p, time-major; NaN where not measured. None at all: only the stability is looked at.
+    pub outputs: Vec<f64>,
+    /// The states that should come out, N·n.
+    pub truth: Vec<f64>,
+}
+
+/// How one setting did on one fold.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Score {
+    /// Mean over the estimates of ‖x̂ - x‖², infinite if the setting cannot be used on this fold.
+    pub error: f64,
+    /// Spectral radius of the map prior → estimate, infinite likewise.
+    pub spectral_radius: f64,
+}
+
+impl Fold {
+    /// Checks the sizes.
+    ///
+    /// # Errors
+    /// [`Error::Shape`] or [`Error::NotFinite`] naming the field.
+    pub fn check(&self) -> Result<(), Error> {
+        let (n, p) = (self.history.n(), self.history.p());
+        check_vector("x_prior", &self.x_prior, n)?;
+        if !self.outputs.len().is_multiple_of(p) {
+            return Err(Error::shape("outputs", format!("a multiple of p = {p} numbers"), self.outputs.len()));
+        }
+        let expected = self.outputs.len() / p * n;
+        if self.truth.len() != expected {
+            return Err(Error::shape("truth", format!("{expected} numbers"), self.truth.len()));
+        }
+        check_finite("truth", &self.truth, n)
+    }
+
+    fn score(&self, config: &Config) -> Option<Score> {
+        let mut config = config.clone();
+        // A warm start that fills the window takes its prior from the recording, whatever x_prior says.
+        config.x_prior = Some(self.x_prior.clone());
+        let mut mhe = DdMhe::new(&self.history, config).ok()?;
+        let spectral_radius = mhe.spectral_radius();
+        let log = mhe.run(&self.outputs).ok()?;
+        let squares: f64 = log.x.iter().zip(&self.truth).map(|(a, b)| (a - b).powi(2)).sum();
+        let count = (self.truth.len() / self.history.n()).max(1);
+        Some(Score { error: squares / count as f64, spectral_radius })
+    }
+}
+
+/// Scores of (fold, setting) pairs, in their order, on all cores; `x_prior` of a setting is replaced by the fold's.
+///
+/// # Errors
+/// [`Error::Value`] for a fold that does not exist, and as [`Fold::check`]. A setting that a fold is too short for is no error but an
+/// infinite score.
+pub fn validate(folds: &[Fold], jobs: &[(usize, Config)]) -> Result<Vec<Score>, Error> {
+    folds.iter().try_for_each(Fold::check)?;
+    if let Some((fold, _)) = jobs.iter().find(|(fold, _)| *fold >= folds.len()) {
+        return Err(Error::value("jobs", format!("folds below {}", folds.len()), fold));
+    }
+    let useless = Score { error: f64::INFINITY, spectral_radius: f64::INFINITY };
+    let finite = |s: Score| s.error.is_finite() && s.spectral_radius.is_finite();
+    Ok(jobs
+        .par_iter()
+        .map(|(fold, config)| folds[*fold].score(config).filter(|s| finite(*s)).unwrap_or(useless))
+        .collect())
+}

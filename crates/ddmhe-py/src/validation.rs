@@ -1,0 +1,56 @@
+//! `ddmhe._core.validate`: settings tried on parts of a recording, for `ddmhe.tune`.
+
+use crate::convert::{DdmheError, Numbers, raise, whole};
+use crate::mhe::{cast_history, rest};
+use crate::spaces;
+use ddmhe_core::validation::{self, Fold, Score};
+use ddmhe_core::{Config, Space};
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+
+/// History, prior (n,), outputs (N, p) and true states (N, n).
+type Held<'py> = (Bound<'py, PyAny>, Bound<'py, PyAny>, Bound<'py, PyAny>, Bound<'py, PyAny>);
+
+/// Scores (mean squared error, spectral radius) of jobs (fold, settings) on folds (history, x_prior, outputs, truth), on all cores.
+///
+/// Settings are keywords of DdMhe: horizon, rho, mu, space, equilibrium, warm_start. A setting that cannot be used scores inf.
+#[pyfunction]
+pub fn validate(
+    py: Python<'_>,
+    folds: Vec<Held<'_>>,
+    jobs: Vec<(usize, Bound<'_, PyDict>)>,
+) -> PyResult<Vec<(f64, f64)>> {
+    let folds: Vec<Fold> = folds.iter().map(|(h, x, y, truth)| fold(h, x, y, truth)).collect::<PyResult<_>>()?;
+    let (n, p) = folds.first().map_or((0, 0), |f| (f.history.n(), f.history.p()));
+    let jobs: Vec<(usize, Config)> =
+        jobs.iter().map(|(fold, given)| Ok((*fold, config(given, n, p)?))).collect::<PyResult<_>>()?;
+    let scores = py.detach(|| validation::validate(&folds, &jobs)).map_err(raise)?;
+    Ok(scores.iter().map(|Score { error, spectral_radius }| (*error, *spectral_radius)).collect())
+}
+
+fn fold(h: &Bound<'_, PyAny>, x: &Bound<'_, PyAny>, y: &Bound<'_, PyAny>, truth: &Bound<'_, PyAny>) -> PyResult<Fold> {
+    let history = cast_history("folds", h)?.core.clone();
+    let x_prior = Numbers::vector("folds", x, history.n())?;
+    let (outputs, ..) = Numbers::matrix("folds", y, "(N, p)")?;
+    let (truth, ..) = Numbers::matrix("folds", truth, "(N, n)")?;
+    Ok(Fold { history, x_prior, outputs, truth })
+}
+
+fn config(given: &Bound<'_, PyDict>, n: usize, p: usize) -> PyResult<Config> {
+    let mut config = Config::default();
+    for (key, value) in given {
+        if value.is_none() {
+            continue;
+        }
+        match key.extract::<String>()?.as_str() {
+            "horizon" => config.horizon = Some(whole("horizon", &value)?),
+            "rho" => config.rho = Some(value.extract()?),
+            "mu" => config.mu = Some(value.extract()?),
+            "equilibrium" => config.equilibrium = Some(rest(&value, n, p)?),
+            "warm_start" => config.warm_start = value.extract()?,
+            "space" => config.space = if value.is_none() { Space::Auto } else { spaces::space(&value)? },
+            other => return Err(DdmheError::new_err(format!("jobs: expected a setting of DdMhe, found {other}"))),
+        }
+    }
+    Ok(config)
+}

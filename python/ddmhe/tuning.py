@@ -1,0 +1,344 @@
+"""Settings from the recording alone: `tune` tries many on parts of it that they have not seen.
+
+*Validation.* Each quarter of the recording is held out once; the estimator learns from the rest (as two recordings,
+no window
+across the seam) and estimates the quarter from its outputs, brought to the online noise. A setting's score is the
+mean over
+the quarters of log(rms error / spread of the states). Leaving out a quarter on either side of the data also tests
+what lies
+before and beyond them; rolling origins alone, always continuing from the end, chose worse settings in our study.
+
+*Selection.* The quarters are few and noisy, so the smallest score is not taken at its word:
+scores are averaged over neighbouring regularisation weights, pulled towards the default rule's weight and towards long
+horizons (BIAS), and settings whose map from prior to estimate is unstable are left out (guard). A known rest is
+favoured a
+little more than the quarters say, since they lie inside the recorded region and it does not. A warm start is judged
+by rolling
+origins, where it can be used. `make study-tuning` compares the result with the best settings in hindsight.
+"""
+
+from __future__ import annotations
+
+import math
+import sys
+from dataclasses import dataclass
+from itertools import product
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from numpy.typing import ArrayLike, NDArray
+from rich.console import Console
+from rich.progress import Progress
+
+from ddmhe._core import DdMhe, DdmheError, History, RankError, Ridge, ShapeError, Truncated, validate
+from ddmhe.design.model import noise_levels
+
+Array = NDArray[np.float64]
+
+__all__ = ["Tuning", "tune"]
+
+QUARTERS = 4
+ORIGINS = (0.4, 0.55, 0.7)
+"""Ends of the first parts of the recording from which a warm start is judged, as shares of T."""
+RHO = 0.95
+"""Discount of every candidate: anything from 0.9 to 0.97 does."""
+LONG = 0.15
+"""A default horizon of more than this share of T says that states are hidden: longer horizons and larger μ are
+tried."""
+HORIZONS = {False: (0.05, 0.1, 0.2), True: (0.13, 0.27, 0.4)}
+"""Horizons to try as shares of T, without and with hidden states."""
+MU = {False: (0.03, 0.3), True: (0.1, 1.0)}
+"""μ to try, in units of the recording's spread."""
+LAMBDA = tuple(10.0**k for k in range(-7, 0))
+"""λ/μ to try."""
+GUARD = 1.005
+"""Largest spectral radius of the map from prior to estimate."""
+BIAS = {"horizon": 0.1, "lambda": 0.1, "rank": 0.1, "equilibrium": 0.1, "warm start": 0.2}
+"""In units of the score: per halving of the horizon, per decade between λ and the default rule's, for a cut at a
+rank; in favour
+of the equilibrium and of a warm start."""
+
+
+@dataclass(frozen=True, eq=False)
+class Tuning:
+    """The settings that were chosen and why; the estimator takes them as `DdMhe(h, **tuning.settings)`."""
+
+    settings: dict[str, Any]
+    """Keywords of DdMhe: horizon, rho, mu, space, warm_start, and equilibrium where it was chosen."""
+    score: float
+    """Mean over the quarters of log(rms error / spread of the states): 0 is no better than their mean."""
+    table: pd.DataFrame
+    """One row per candidate, best first: its settings, its score, what it was ranked by, the error in each quarter
+    relative to the spread, and the spectral radius."""
+    words: str
+    """How far the choice can be trusted."""
+    candidates: list[dict[str, Any]]
+    """Keywords of DdMhe of each row of the table."""
+
+    @property
+    def horizon(self) -> int:
+        """Horizon M."""
+        return int(self.settings["horizon"])
+
+    @property
+    def rho(self) -> float:
+        """Discount."""
+        return float(self.settings["rho"])
+
+    @property
+    def mu(self) -> float:
+        """Weight on the fitted noise, in the units of (17)."""
+        return float(self.settings["mu"])
+
+    @property
+    def space(self) -> Any:
+        """The trajectory space."""
+        return self.settings["space"]
+
+
+@dataclass
+class _Candidate:
+    """One setting, in units of the recording's spread."""
+
+    given: dict[str, Any]
+    """Keywords of DdMhe; empty but for the options for the default rule."""
+    horizon: int
+    mu: float
+    weight: float | None = None
+    """λ/μ; None for a rank or the default rule."""
+    rank: int | None = None
+    equilibrium: bool = False
+    radius: float = math.inf
+    scores: Array | None = None
+    """log(rms/spread) of each quarter."""
+    rated: float = math.inf
+
+    @property
+    def score(self) -> float:
+        """Mean over the quarters."""
+        return float(np.mean(self.scores)) if self.scores is not None else math.inf
+
+
+def tune(
+    history: History,
+    *,
+    output_noise: ArrayLike | None = None,
+    equilibrium: tuple[ArrayLike, ArrayLike] | None = None,
+    progress: bool | None = None,
+) -> Tuning:
+    """Choose horizon, ρ, μ, trajectory space and options from the recording alone.
+
+    Parameters
+    ----------
+    history : History
+        One recording of at least 20 samples, or several, of which the longest is used to validate.
+    output_noise : float or array (p,)
+        Standard deviation of the online outputs' noise, in their unit. Default: that of the recorded ones.
+    equilibrium : (x_e, y_e)
+        A known rest; whether it helps is part of the choice.
+    progress : bool
+        A progress bar on stderr. Default: if that is a terminal.
+
+    Raises
+    ------
+    RankError
+        Too short a recording.
+    DdmheError, ShapeError
+        Wrong arguments.
+    """
+    if not isinstance(history, History):
+        raise DdmheError(f"history: expected a History, found {type(history).__name__}")
+    longest = int(np.argmax([len(y) for _, y in history.recordings]))
+    T = len(history.recordings[longest][1])
+    if T < 20:
+        raise RankError(f"history: expected a recording of at least 20 samples to hold parts of it out, found {T}")
+    extra = _extra_noise(history, output_noise)
+    candidates, reference = _candidates(history, T, equilibrium)
+    quarters = _quarters(history, longest, extra)
+    folds = [(history, history.recordings[-1][0][-1], np.zeros((0, history.p)), np.zeros((0, history.n))), *quarters]
+    # A warm start saves the short windows: the spectral radius only needs the deepest.
+    jobs: list[tuple[int, dict[str, Any]]] = [(0, c.given | {"warm_start": True}) for c in candidates]
+    jobs += [(1 + q, c.given) for c in candidates for q in range(len(quarters))]
+    results = _validate(folds, jobs, progress)
+    errors = np.array([e for e, _ in results[len(candidates) :]]).reshape(len(candidates), len(quarters))
+    spread = math.sqrt(float(np.var(history.recordings[longest][0], axis=0).sum()))
+    for candidate, (_, radius), squares in zip(candidates, results, errors, strict=False):
+        candidate.radius = radius
+        with np.errstate(divide="ignore"):
+            candidate.scores = np.maximum(0.5 * np.log(squares) - math.log(spread), -40.0)
+    _rate(candidates, reference)
+    ranked = sorted(candidates, key=lambda c: c.rated)
+    best = ranked[0]
+    if not math.isfinite(best.rated):
+        raise RankError("history: expected a recording of which three quarters suffice for some setting, found none")
+    warm = _warm_start(history, longest, best, extra)
+    return _tuning(history, ranked, warm, candidates[0])
+
+
+def _candidates(
+    history: History, T: int, equilibrium: tuple[ArrayLike, ArrayLike] | None
+) -> tuple[list[_Candidate], float]:
+    """The default rule and a grid, with and without the equilibrium if it can be used; and the default rule's λ/μ."""
+    default = DdMhe(history, warm_start=True)
+    unit = _unit(history)
+    hidden = default.horizon > LONG * T
+    horizons = sorted({max(2, round(share * T)) for share in HORIZONS[hidden]})
+    options: list[dict[str, Any]] = [{}]
+    if equilibrium is not None:
+        rest: dict[str, Any] = {"equilibrium": equilibrium}
+        if not any("equilibrium" in w for w in DdMhe(history, warm_start=True, **rest).warnings):
+            options.append(rest)
+    found = []
+    for option in options:
+        with_rest = bool(option)
+        found.append(_Candidate(option, default.horizon, default.mu / unit, equilibrium=with_rest))
+        for M, mu in product(horizons, MU[hidden]):
+            given = option | {"horizon": M, "rho": RHO, "mu": mu * unit}
+            for weight in LAMBDA:
+                space = Ridge(float(f"{weight * mu:.6g}"), normalised=True)
+                found.append(_Candidate(given | {"space": space}, M, mu, weight=weight, equilibrium=with_rest))
+            if not hidden:
+                for rank in range(history.n, history.n + 3):
+                    cut = given | {"space": Truncated(rank)}
+                    found.append(_Candidate(cut, M, mu, rank=rank, equilibrium=with_rest))
+    return found, max(default.ridge * unit / default.mu, LAMBDA[0])
+
+
+def _unit(history: History) -> float:
+    """(s_x/s_y)²: μ = 1 in units of the recording's spread, in those of (17)."""
+    x = np.concatenate([x for x, _ in history.recordings])
+    y = np.concatenate([y for _, y in history.recordings])
+    spread = float(np.mean(y.var(axis=0)))
+    return float(np.mean(x.var(axis=0))) / (spread if spread > 0 else 1.0)
+
+
+def _extra_noise(history: History, output_noise: ArrayLike | None) -> Array:
+    """Standard deviation (p,) to add to recorded outputs so that they are as noisy as the online ones."""
+    if output_noise is None:
+        return np.zeros(history.p)
+    stated = np.asarray(output_noise, dtype=np.float64)
+    if stated.shape not in ((), (history.p,)):
+        raise ShapeError(f"output_noise: expected a number or {history.p} numbers, found shape {stated.shape}")
+    if not (np.isfinite(stated).all() and (stated >= 0).all()):
+        raise DdmheError(f"output_noise: expected finite numbers of at least 0, found {output_noise}")
+    recorded = noise_levels(history)[1]
+    return np.asarray(np.sqrt(np.maximum(stated**2 - recorded**2, 0.0)))
+
+
+def _quarters(history: History, longest: int, extra: Array) -> list[tuple[History, Array, Array, Array]]:
+    """Folds (history, prior, outputs, truth): each quarter of the longest recording held out once."""
+    recordings = history.recordings
+    x, y = recordings[longest]
+    others = [History(a, b, history.dt) for i, (a, b) in enumerate(recordings) if i != longest]
+    noisy = y + extra * np.random.default_rng(0).standard_normal(y.shape)
+    T = len(y)
+    folds = []
+    for q in range(QUARTERS):
+        a, z = q * T // QUARTERS, (q + 1) * T // QUARTERS
+        rest = [History(x[i : j + 1], y[i:j], history.dt) for i, j in ((0, a), (z, T)) if j - i >= 2]
+        folds.append((History.concat(others + rest), x[a], noisy[a:z], x[a + 1 : z + 1]))
+    return folds
+
+
+def _validate(
+    folds: list[tuple[History, Array, Array, Array]], jobs: list[tuple[int, dict[str, Any]]], progress: bool | None
+) -> list[tuple[float, float]]:
+    """All jobs, in portions that move a progress bar."""
+    shown = sys.stderr.isatty() if progress is None else progress
+    results: list[tuple[float, float]] = []
+    with Progress(console=Console(stderr=True), disable=not shown, transient=True) as bar:
+        task = bar.add_task("tuning", total=len(jobs))
+        portion = max(1, len(jobs) // 20)
+        for k in range(0, len(jobs), portion):
+            results += validate(folds, jobs[k : k + portion])
+            bar.advance(task, min(portion, len(jobs) - k))
+    return results
+
+
+def _rate(candidates: list[_Candidate], reference: float) -> None:
+    """What candidates are ranked by: smoothed scores with the biases, inf for unstable ones."""
+    longest = max(c.horizon for c in candidates)
+    by_key = {(c.horizon, c.mu, c.weight, c.equilibrium): c for c in candidates if c.weight is not None}
+    stable = [c for c in candidates if c.radius <= GUARD] or [c for c in candidates if math.isfinite(c.radius)]
+    for c in stable:
+        rated = c.score
+        if c.weight is not None:
+            k = LAMBDA.index(c.weight)
+            near = [by_key[c.horizon, c.mu, w, c.equilibrium] for w in LAMBDA[max(k - 1, 0) : k + 2]]
+            rated = float(np.mean([n.score for n in near if math.isfinite(n.score)] or [math.inf]))
+            rated += BIAS["lambda"] * abs(math.log10(c.weight / reference))
+        elif c.rank is not None:
+            rated += BIAS["rank"]
+        rated += BIAS["horizon"] * math.log2(longest / c.horizon)
+        c.rated = rated - BIAS["equilibrium"] * c.equilibrium if math.isfinite(c.score) else math.inf
+
+
+def _warm_start(history: History, longest: int, best: _Candidate, extra: Array) -> bool:
+    """Whether a start with a full window does better where it can be used: right behind the first parts of the
+    recording."""
+    x, y = history.recordings[longest]
+    noisy = y + extra * np.random.default_rng(1).standard_normal(y.shape)
+    folds = []
+    for share in ORIGINS:
+        k = int(share * len(y))
+        folds.append((History(x[: k + 1], y[:k], history.dt), x[k], noisy[k:], x[k + 1 :]))
+    jobs = [(i, best.given | {"warm_start": warm}) for warm in (False, True) for i in range(len(folds))]
+    errors = np.array([e for e, _ in validate(folds, jobs)]).reshape(2, len(folds))
+    usable = np.isfinite(errors).all(axis=0)
+    if not usable.any():
+        return True
+    cold, warm = 0.5 * np.log(np.maximum(errors[:, usable], 1e-300)).mean(axis=1)
+    return bool(warm - BIAS["warm start"] <= cold)
+
+
+def _tuning(history: History, ranked: list[_Candidate], warm: bool, default: _Candidate) -> Tuning:
+    best = ranked[0]
+    est = DdMhe(history, **best.given)
+    settings = {"horizon": est.horizon, "rho": est.rho, "mu": est.mu, "space": est.space, "warm_start": warm}
+    if best.equilibrium:
+        settings["equilibrium"] = best.given["equilibrium"]
+    return Tuning(settings, best.score, _table(history, ranked), _words(ranked, default), [c.given for c in ranked])
+
+
+def _table(history: History, ranked: list[_Candidate]) -> pd.DataFrame:
+    unit = _unit(history)
+    rows = []
+    for c in ranked:
+        quarters = {f"quarter {q + 1}": math.exp(v) for q, v in enumerate(c.scores if c.scores is not None else [])}
+        rows.append(
+            {
+                "horizon": c.horizon,
+                "mu": c.mu * unit,
+                "space": repr(c.given.get("space", "auto")),
+                "equilibrium": c.equilibrium,
+                "score": c.score,
+                "rated": c.rated,
+                **quarters,
+                "spectral radius": c.radius,
+            }
+        )
+    return pd.DataFrame(rows)
+
+
+def _words(ranked: list[_Candidate], default: _Candidate) -> str:
+    """How far the choice can be trusted."""
+    best = ranked[0]
+    scores = best.scores if best.scores is not None else np.zeros(1)
+    error = float(scores.std(ddof=1)) / math.sqrt(len(scores))
+    rivals = sum(c.score <= best.score + error for c in ranked)
+    factor = math.exp(float(scores.max() - scores.min()))
+    against = math.exp(best.score - default.score) if math.isfinite(default.score) else 0.0
+    parts = [
+        f"On held-out quarters of the recording the error is {math.exp(best.score):.3g} of the states' spread, "
+        f"{against:.2g} times the "
+        f"default rule's. The quarters differ by a factor of {factor:.2g}, and {rivals} of {len(ranked)} settings "
+        f"are within "
+        "one standard error: the choice among them is not certain.",
+    ]
+    if best.score > -0.3:
+        parts.append("That is little better than the mean of the states: the outputs hardly tell the states apart.")
+    if best.equilibrium:
+        parts.append("The known rest was chosen; inside the recording its effect can be seen only in part.")
+    parts.append("Nothing here tests motion outside of the recorded region.")
+    return " ".join(parts)
