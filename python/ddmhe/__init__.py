@@ -14,9 +14,11 @@ Arrays are float64 and time-major: row k is sample k. Wrong inputs raise `DdmheE
 kinds; what the optimisation finds is `Estimate.status`, never an exception.
 """
 
+from importlib import import_module as _import_module
 from importlib.metadata import version as _version
+from typing import TYPE_CHECKING, Any
 
-from ddmhe import design, models
+from ddmhe import models
 from ddmhe._core import (
     DdMhe,
     DdmheError,
@@ -33,9 +35,25 @@ from ddmhe._core import (
     ShapeError,
     Truncated,
 )
-from ddmhe.tuning import Tuning, tune
+
+if TYPE_CHECKING:
+    from ddmhe import design
+    from ddmhe.tuning import Tuning, tune
 
 __version__ = _version("ddmhe")
+
+# What needs cvxpy is loaded on first use: it takes longer to import than an estimator to build.
+_LAZY = {"design": "ddmhe.design", "tune": "ddmhe.tuning", "Tuning": "ddmhe.tuning"}
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _LAZY:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    module = _import_module(_LAZY[name])
+    value = module if name == "design" else getattr(module, name)
+    globals()[name] = value
+    return value
+
 
 __all__ = [
     "DdMhe",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -17,7 +18,7 @@ from ddmhe import demo as demo_case
 from ddmhe import report
 from ddmhe._core import DdMhe, DdmheError
 from ddmhe._core import Log as Estimates
-from ddmhe.config import read_config, space_from_text
+from ddmhe.config import read_config, space_from_text, write_config
 from ddmhe.logs import Log, Split, read_log
 
 Array = NDArray[np.float64]
@@ -55,6 +56,50 @@ def _names(ctx: click.Context, param: click.Parameter, value: str) -> tuple[str,
     return names
 
 
+LOG_OPTIONS: list[Callable[[Any], Any]] = [
+    click.argument("log", type=click.Path(path_type=Path)),
+    click.option("--state", callback=_names, required=True, metavar="C1,C2,...", help="Columns of the state."),
+    click.option("--output", callback=_names, required=True, metavar="C1,C2,...", help="Columns of the output."),
+    click.option("--history", type=float, required=True, help="Length of the recording to learn from, s."),
+    click.option("--time", metavar="NAME", help="Column of the time, s.  [default: the first]"),
+    click.option("--start", type=float, help="Where the recording begins, s of the log's clock.  [default: first row]"),
+    click.option("--decimate", type=int, default=1, show_default=True, metavar="K", help="Keep every K-th row."),
+    click.option(
+        "--gaps",
+        type=click.Choice(["error", "fill"]),
+        default="fill",
+        show_default=True,
+        help="A gap in the log: take the lacking samples as not measured, or refuse the log.",
+    ),
+]
+
+
+LOG_NAMES = ("state", "output", "history", "time", "start", "decimate", "gaps")
+
+
+def log_options(command: Any) -> Any:
+    """The log and how to read it: what every command that takes a log has."""
+    for option in reversed(LOG_OPTIONS):
+        command = option(command)
+    return command
+
+
+def _read(
+    log: Path,
+    state: tuple[str, ...],
+    output: tuple[str, ...],
+    history: float,
+    time: str | None,
+    start: float | None,
+    decimate: int,
+    gaps: str,
+) -> tuple[Log, Split]:
+    """The samples of a log and their split after the history."""
+    samples = read_log(log, state, output, time, start, decimate)
+    samples = samples.fill_gaps() if gaps == "fill" else samples
+    return samples, samples.split(history)
+
+
 @click.group(no_args_is_help=False, context_settings={"help_option_names": ["-h", "--help"]})
 @click.version_option(package_name="ddmhe", prog_name="ddmhe")
 def cli() -> None:
@@ -82,20 +127,7 @@ def demo(out: Path, seed: int, noise: float) -> None:
 
 
 @cli.command()
-@click.argument("log", type=click.Path(path_type=Path))
-@click.option("--state", callback=_names, required=True, metavar="C1,C2,...", help="Columns of the state.")
-@click.option("--output", callback=_names, required=True, metavar="C1,C2,...", help="Columns of the output.")
-@click.option("--history", type=float, required=True, help="Length of the recording to learn from, s.")
-@click.option("--time", metavar="NAME", help="Column of the time, s.  [default: the first]")
-@click.option("--start", type=float, help="Where the recording begins, s of the log's clock.  [default: first row]")
-@click.option("--decimate", type=int, default=1, show_default=True, metavar="K", help="Keep every K-th row.")
-@click.option(
-    "--gaps",
-    type=click.Choice(["error", "fill"]),
-    default="fill",
-    show_default=True,
-    help="A gap in the log: take the lacking samples as not measured, or refuse the log.",
-)
+@log_options
 @click.option("--out", type=click.Path(path_type=Path), metavar="FILE.csv|DIR", help="Where the estimates go.")
 @click.option("--plot", type=click.Path(path_type=Path), metavar="FILE.png", help="Where a figure goes.")
 @click.option("--config", type=click.Path(path_type=Path), metavar="FILE.toml", help="Settings; keys as in DdMhe.")
@@ -104,34 +136,83 @@ def demo(out: Path, seed: int, noise: float) -> None:
 @click.option("--mu", type=float, help="Weight on the fitted noise.  [default: from the recording]")
 @click.option("--space", metavar="auto|exact|truncated:RANK|ridge:WEIGHT", help="Which windows count as trajectories.")
 @click.option("--warm-start/--no-warm-start", default=None, help="Start with a full window from the recording's end.")
-def estimate(
-    log: Path,
-    state: tuple[str, ...],
-    output: tuple[str, ...],
-    history: float,
-    time: str | None,
-    start: float | None,
-    decimate: int,
-    gaps: str,
-    out: Path | None,
-    plot: Path | None,
-    config: Path | None,
-    **given: Any,
-) -> None:
+def estimate(log: Path, out: Path | None, plot: Path | None, config: Path | None, **given: Any) -> None:
     """Estimate the states of a CSV log from its outputs, after a history in which both were recorded.
 
     Writes the time column and one column per state, and prints the errors where the log holds the states.
     """
     csv, figure = _targets(log, out, plot)
-    samples = read_log(log, state, output, time, start, decimate)
-    samples = samples.fill_gaps() if gaps == "fill" else samples
-    split = samples.split(history)
+    samples, split = _read(log, **{name: given.pop(name) for name in LOG_NAMES})
     est = DdMhe(split.history, **_settings(config, given))
     estimates = est.run(split.Y)
     written = _write(csv, figure, samples, split, estimates.x)
     console = Console()
     console.print(_summary(samples, split, est, estimates))
     _print_warnings(console, "", est)
+    _print_written(console, written)
+
+
+@cli.command()
+@log_options
+@click.option("--out", type=click.Path(path_type=Path), default=Path("ddmhe-design"), show_default=True, metavar="DIR")
+@click.option("--radius", type=float, default=0.9, show_default=True, help="Disc for Algorithm 2's poles, in (0, 1).")
+@click.option("--eta", type=float, help="Discount of the certificate, in (0, 1).  [default: 0.95]")
+@click.option("--condition", type=float, help="Bound on cond P; alone, it asks for the smallest eta.")
+@click.option("--noise-x", type=float, default=0.0, help="Errors of the recorded states: a robust certificate.")
+@click.option("--noise-y", type=float, default=0.0, help="Errors of the recorded outputs.")
+@click.option("--noise-w", type=float, default=0.0, help="Process noise during the recording.")
+@click.option("--noise-kind", type=click.Choice(["bounded", "gaussian"]), default="bounded", show_default=True)
+def design(log: Path, out: Path, radius: float, eta: float | None, condition: float | None, **given: Any) -> None:
+    """Stability from a recording: Algorithm 2 with its limits, and a certificate for the estimator.
+
+    Writes design.toml, which `estimate --config` accepts, and poles.png into DIR.
+    """
+    from ddmhe import design as designs
+    from ddmhe.plot import pole_figure
+
+    _, split = _read(log, **{name: given.pop(name) for name in LOG_NAMES})
+    noise = None
+    if any(given[f"noise_{name}"] != 0 for name in "xyw"):
+        noise = designs.RecordingNoise(given["noise_x"], given["noise_y"], given["noise_w"], given["noise_kind"])
+    model = designs.identify(split.history)
+    placement = designs.pole_placement(split.history, radius)
+    certificate = designs.ioss(split.history, eta, condition=condition, noise=noise)
+    out.mkdir(parents=True, exist_ok=True)
+    written = [out / "design.toml", out / "poles.png"]
+    write_config(written[0], {"certificate": certificate})
+    report.save_figure(pole_figure(model, placement), written[1])
+    console = Console()
+    console.print(report.design(f"Design from {log.name}", split.history, model, placement, certificate))
+    for words in (placement.words, certificate.words):
+        console.print(words, markup=False, highlight=False)
+    _print_written(console, written)
+
+
+@cli.command()
+@log_options
+@click.option("--out", type=click.Path(path_type=Path), default=Path("ddmhe-tune"), show_default=True, metavar="DIR")
+@click.option("--output-noise", type=float, help="Standard deviation of the online outputs' noise.")
+@click.option("--rest", is_flag=True, help="x = 0, y = 0 is a rest of the system: try it as an equilibrium.")
+def tune(log: Path, out: Path, output_noise: float | None, rest: bool, **given: Any) -> None:
+    """Settings from a recording alone, chosen on parts of it that the estimator has not seen.
+
+    Writes tune.toml, which `estimate --config` accepts, the scores as tune.csv and tune.png into DIR.
+    """
+    from ddmhe.plot import tuning_figure
+    from ddmhe.tuning import tune as tuned
+
+    _, split = _read(log, **given)
+    h = split.history
+    equilibrium = (np.zeros(h.n), np.zeros(h.p)) if rest else None
+    found = tuned(h, output_noise=output_noise, equilibrium=equilibrium)
+    out.mkdir(parents=True, exist_ok=True)
+    written = [out / name for name in ("tune.toml", "tune.csv", "tune.png")]
+    write_config(written[0], found.settings)
+    found.table.to_csv(written[1], index=False)
+    report.save_figure(tuning_figure(found.table), written[2])
+    console = Console()
+    console.print(report.scores(f"Settings for {log.name}, the ten best of {len(found.table)}", found.table.head(10)))
+    console.print(found.words, markup=False, highlight=False)
     _print_written(console, written)
 
 

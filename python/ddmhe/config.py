@@ -5,18 +5,30 @@ horizon = 20
 rho = 0.9
 x_bounds = [-1.0, 1.0]           # or [[-1.0, -2.0], [1.0, 2.0]], one number per state
 equilibrium = [[0.0], [0.0]]     # x_e, y_e
-space = { kind = "truncated", rank = 5 }   # or "auto", "exact", { kind = "ridge", weight = 1e-2 }
+space = { kind = "truncated", rank = 5 }   # or "auto", "exact", { kind = "ridge", weight = 1e-2, normalised = true }
+
+[certificate]                    # as `ddmhe design` writes it, in the place of rho and mu
+eta = 0.95
+P = [[1.0]]
+Q = [[2.0]]
+R = [[0.5]]
 ```
 """
 
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, cast
+
+import numpy as np
+import tomli_w
 
 from ddmhe._core import DdmheError, Exact, Ridge, Truncated
+
+if TYPE_CHECKING:
+    from ddmhe.design.certificate import Certificate
 
 if sys.version_info >= (3, 11):
     import tomllib
@@ -25,7 +37,7 @@ else:
 
 Space = Exact | Truncated | Ridge | str
 
-__all__ = ["ConfigError", "Space", "read_config", "space_from_text"]
+__all__ = ["ConfigError", "Space", "read_config", "space_from_text", "write_config"]
 
 
 class ConfigError(DdmheError):
@@ -44,6 +56,32 @@ def read_config(path: str | Path) -> dict[str, Any]:
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as e:
         raise ConfigError(f"{path}: expected a TOML file, found an error in it ({' '.join(str(e).split())})") from e
     return {key: _setting(str(path), key, value) for key, value in table.items()}
+
+
+def write_config(path: str | Path, settings: Mapping[str, Any]) -> None:
+    """Keywords of DdMhe as a file that `read_config` reads back: arrays as lists, spaces and certificates as tables."""
+    Path(path).write_text(tomli_w.dumps({key: _plain(value) for key, value in settings.items()}), encoding="utf-8")
+
+
+def _plain(value: Any) -> Any:
+    """A setting in TOML's own values."""
+    if isinstance(value, Exact):
+        return "exact"
+    if isinstance(value, Ridge):
+        return {"kind": "ridge", "weight": value.weight, "normalised": value.normalised}
+    if isinstance(value, Truncated):
+        known = {"rank": value.rank, "tol": value.tol}
+        return {"kind": "truncated"} | {k: v for k, v in known.items() if v is not None}
+    if hasattr(value, "eta"):
+        parts = {name: getattr(value, name) for name in ("eta", "growth", "residual", *_MATRICES)}
+        table = {k: _plain(v) for k, v in parts.items() if v is not None}
+        if value.uncertainty is not None:
+            u = value.uncertainty
+            table["uncertainty"] = {"metric": _plain(u.metric), "w": u.w, "v": u.v}
+        return table
+    if isinstance(value, list | tuple):
+        return [_plain(v) for v in value]
+    return value.tolist() if isinstance(value, np.ndarray | np.generic) else value
 
 
 def space_from_text(text: str) -> Space:
@@ -86,12 +124,21 @@ _EXPECTED: dict[str, tuple[str, Callable[[object], bool]]] = {
     "equilibrium": ("a list [x_e, y_e]", _is_numbers),
     "warm_start": ("true or false", lambda v: isinstance(v, bool)),
     "space": ("a text or a table", lambda v: isinstance(v, str | dict)),
+    "certificate": ("a table", lambda v: isinstance(v, dict)),
+    "disturbance": ("a list [initial, w, v]", _is_numbers),
 }
 _SPACES: dict[str, tuple[type[Truncated] | type[Ridge] | type[Exact], tuple[str, ...]]] = {
     "exact": (Exact, ()),
     "truncated": (Truncated, ("rank", "tol")),
-    "ridge": (Ridge, ("weight",)),
+    "ridge": (Ridge, ("weight", "normalised")),
 }
+_ARGUMENTS: dict[str, tuple[str, Callable[[object], bool]]] = {
+    "rank": ("a whole number", lambda v: _is_whole(v) and cast(int, v) >= 0),
+    "tol": ("a number", _is_number),
+    "weight": ("a number", _is_number),
+    "normalised": ("true or false", lambda v: isinstance(v, bool)),
+}
+_MATRICES = ("P", "Q", "R", "A", "C", "e", "r")
 
 
 def _setting(path: str, key: str, value: Any) -> Any:
@@ -100,8 +147,10 @@ def _setting(path: str, key: str, value: Any) -> Any:
     expected, fits = _EXPECTED[key]
     if not fits(value):
         raise ConfigError(f"{path}, {key}: expected {expected}, found {value!r}")
+    if key == "certificate":
+        return _certificate(path, value)
     if key != "space":
-        return value
+        return tuple(value) if key == "disturbance" else value
     try:
         return space_from_text(value) if isinstance(value, str) else _space_from_table(value)
     except ConfigError as e:
@@ -116,9 +165,34 @@ def _space_from_table(table: dict[str, Any]) -> Space:
     for name, value in arguments.items():
         if name not in known:
             raise ConfigError(f"space: expected {' or '.join(known) or 'no argument'} for {kind}, found {name!r}")
-        if not (_is_whole(value) and value >= 0 if name == "rank" else _is_number(value)):
-            wanted = "a whole number" if name == "rank" else "a number"
+        wanted, fits = _ARGUMENTS[name]
+        if not fits(value):
             raise ConfigError(f"space: expected {wanted} for {name}, found {value!r}")
     if kind == "ridge" and "weight" not in arguments:
         raise ConfigError("space: expected a weight for ridge, found none")
     return space(**arguments)
+
+
+def _certificate(path: str, table: dict[str, Any]) -> Certificate:
+    """A certificate as `write_config` wrote it; DdMhe checks its matrices."""
+    from ddmhe.design.certificate import Certificate, Uncertainty
+
+    known = {"eta", "growth", "residual", "uncertainty", *_MATRICES}
+    for name, value in table.items():
+        if name not in known:
+            raise ConfigError(f"{path}, certificate: expected one of {', '.join(sorted(known))}, found {name!r}")
+        fits = isinstance(value, dict) if name == "uncertainty" else (_is_number(value) or _is_numbers(value))
+        if not fits:
+            raise ConfigError(f"{path}, certificate: expected numbers for {name}, found {value!r}")
+    missing = [name for name in ("eta", "P", "Q", "R") if name not in table]
+    if missing:
+        raise ConfigError(f"{path}, certificate: expected eta, P, Q and R, found no {missing[0]}")
+    try:
+        arrays: dict[str, Any] = {name: np.array(table[name], dtype=np.float64) for name in _MATRICES if name in table}
+        spread = table.get("uncertainty")
+        uncertainty = spread and Uncertainty(np.array(spread["metric"], dtype=np.float64), spread["w"], spread["v"])
+    except (ValueError, KeyError, TypeError) as e:
+        raise ConfigError(f"{path}, certificate: expected rectangular matrices, found others ({e})") from e
+    numbers: dict[str, Any] = {name: table[name] for name in ("eta", "growth") if name in table}
+    # inf: never verified
+    return Certificate(**arrays, **numbers, uncertainty=uncertainty, residual=table.get("residual", float("inf")))

@@ -6,7 +6,7 @@ Matplotlib is slow to import, so this module is imported where a figure is made,
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib import colormaps
@@ -16,9 +16,15 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from ddmhe.design import AffineModel, PolePlacement
+    from ddmhe.design.regions import Region
+
 Array = NDArray[np.float64]
 
-__all__ = ["estimate_figure"]
+__all__ = ["estimate_figure", "pole_figure", "tuning_figure"]
 
 _TRUTH: dict[str, Any] = {"linewidth": 3.5, "alpha": 0.35}
 _ESTIMATE: dict[str, Any] = {"linewidth": 1.2}
@@ -62,6 +68,81 @@ def estimate_figure(
     figure.axes[-1].set_xlabel("time (s)")
     figure.axes[-1].set_xlim(history[0][0], t[-1])
     _legend(above, names, truth=x_true is not None)
+    return figure
+
+
+def pole_figure(model: AffineModel, placement: PolePlacement) -> Figure:
+    """Poles in the complex plane: of the identified A, of A_L as printed and of A + L C in the model, with the
+    region."""
+    figure = Figure(figsize=(6.5, 6.5), layout="constrained")
+    axes = figure.subplots()
+    circle = np.exp(1j * np.linspace(0, 2 * np.pi, 400))
+    axes.plot(circle.real, circle.imag, color="0.4", linewidth=1, label="unit circle")
+    _draw_region(axes, placement.region)
+    kinds: list[tuple[Any, str, str, str]] = [
+        (np.linalg.eigvals(model.A), "x", "tab:blue", "identified A"),
+        (placement.poles, "o", "tab:orange", "A_L as printed, from data"),
+    ]
+    if placement.gain is not None:
+        kinds.append((placement.poles_identified, "s", "tab:green", "A + L C in the identified model"))
+    for values, marker, color, label in kinds:
+        style = {"color": color} if marker == "x" else {"facecolors": "none", "edgecolors": color}
+        axes.scatter(values.real, values.imag, 60, marker=marker, label=label, zorder=3, **style)
+    extent = max([1.2, *(1.1 * abs(z) for values, *_ in kinds for z in values)])
+    axes.set(xlim=(-extent, extent), ylim=(-extent, extent), xlabel="real part", ylabel="imaginary part")
+    axes.set_aspect("equal")
+    axes.grid(alpha=0.3)
+    axes.legend(loc="upper left", fontsize="small")
+    return figure
+
+
+def _draw_region(axes: Axes, region: Region) -> None:
+    """The region where f(z) = L + z M + z̄ Mᵀ is negative definite, shaded."""
+    L, M = region.matrices()
+    grid = np.linspace(-1.2, 1.2, 161)
+    z = grid[None, :] + 1j * grid[:, None]
+    f = L + z[..., None, None] * M + z.conj()[..., None, None] * M.T
+    inside = np.linalg.eigvalsh(f)[..., -1]
+    axes.contourf(grid, grid, inside, levels=[-1e9, 0.0], colors=["tab:orange"], alpha=0.15)
+    axes.fill([], [], color="tab:orange", alpha=0.15, label=str(region))
+
+
+def tuning_figure(table: pd.DataFrame) -> Figure:
+    """Held-out error over the regularisation weight, a curve for each horizon and μ; the choice and the default
+    marked."""
+    options = sorted(set(table["equilibrium"]))
+    figure = Figure(figsize=(5.5 * len(options) + 1.5, 5), layout="constrained")
+    panels = np.atleast_1d(figure.subplots(1, len(options), sharey=True))
+    table = table.assign(error=np.exp(table["score"]))
+    chosen = table.iloc[0]
+    horizons = sorted(set(table["horizon"]))
+    styles = dict(zip(sorted(set(table["mu"])), ["-", "--", ":", "-."] * 4, strict=False))
+    for axes, option in zip(panels, options, strict=True):
+        part = table[table["equilibrium"] == option]
+        ridge = part[part["lambda/mu"].notna()]
+        for (M, mu), curve in ridge.groupby(["horizon", "mu"]):
+            curve = curve.sort_values("lambda/mu")
+            color = _color(horizons.index(M))
+            axes.plot(curve["lambda/mu"], curve["error"], styles[mu], color=color, label=f"M = {M}, mu = {mu:.3g}")
+        for level, label in ((part[part["space"] == "auto"]["error"], "default rule"),):
+            for value in level:
+                axes.axhline(value, color="0.5", linewidth=1, label=label)
+        ranks = part[part["space"].str.startswith("Truncated")]
+        for M, cut in ranks.groupby("horizon"):
+            x = np.full(len(cut), 3e-8)
+            axes.scatter(x, cut["error"], 18, color=_color(horizons.index(M)), marker="_")
+        refused = ridge[~np.isfinite(ridge["rated"])]
+        if len(refused):
+            axes.scatter(refused["lambda/mu"], refused["error"], 24, marker="x", color="0.3", label="unstable: refused")
+        if chosen["equilibrium"] == option:
+            x_chosen = chosen["lambda/mu"] if np.isfinite(chosen["lambda/mu"]) else 3e-8
+            axes.scatter(x_chosen, chosen["error"], 140, marker="*", color="black", label="chosen", zorder=4)
+        axes.set(xscale="log", yscale="log", xlabel="regularisation weight / mu (left edge: cuts at a rank)")
+        if len(options) > 1:
+            axes.set_title("with the known rest" if option else "recording alone")
+        axes.grid(alpha=0.3)
+        axes.legend(fontsize="x-small")
+    panels[0].set_ylabel("held-out error / spread of the states")
     return figure
 
 

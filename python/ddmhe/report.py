@@ -5,21 +5,34 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 from rich.table import Table
 
-from ddmhe._core import DdMhe
+from ddmhe._core import DdMhe, History
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from ddmhe.design import AffineModel, Certificate, PolePlacement
+
 Array = NDArray[np.float64]
 
-__all__ = ["nrmse", "outcome", "rmse", "rmse_norm", "save_figure", "settings", "table", "write_estimates"]
+__all__ = [
+    "design",
+    "nrmse",
+    "outcome",
+    "rmse",
+    "rmse_norm",
+    "save_figure",
+    "scores",
+    "settings",
+    "table",
+    "write_estimates",
+]
 
 
 def rmse(error: Array) -> Array:
@@ -78,6 +91,48 @@ def table(title: str, columns: Mapping[str, Mapping[str, str]]) -> Table:
     labels = list(dict.fromkeys(label for column in columns.values() for label in column))
     for label in labels:
         result.add_row(label, *(columns[name].get(label, "") for name in names))
+    return result
+
+
+def design(
+    title: str, history: History, model: AffineModel, placement: PolePlacement, certificate: Certificate
+) -> Table:
+    """What a design found: the model, Algorithm 2 as printed and recomputed, the certificate."""
+
+    def poles(values: Any) -> str:
+        return ", ".join(f"{z.real:.4g}{z.imag:+.4g}j" if z.imag else f"{z.real:.4g}" for z in values) or "none"
+
+    def number(value: float) -> str:
+        return f"{value:.4g}" if np.isfinite(value) else "none"
+
+    rows = {
+        "history": f"T = {history.T} samples of {history.dt:.4g} s, n = {history.n}, p = {history.p}",
+        "poles of the identified A": poles(np.linalg.eigvals(model.A)),
+        "rank of [X1; Y0], asked (44)": f"{placement.rank} of {placement.required_rank}",
+        "its singular values": ", ".join(f"{s:.3g}" for s in placement.singular_values),
+        "Algorithm 2: region, beta": f"{placement.region}, {number(placement.beta)}",
+        "poles as printed": poles(placement.poles),
+        "rho0, mu0 as printed": f"{number(placement.rho0)}, {number(placement.mu0)}",
+        "rho0, mu0 in the model": f"{number(placement.rho0_identified)}, {number(placement.mu0_identified)}",
+        "rho0 of any gain at least": number(placement.lower_bound),
+        "(24) holds": "yes" if placement.certified else "no",
+        "certificate: eta, horizon": f"{certificate.eta:.6g}, {certificate.horizon}",
+        "cond P, trace Q, trace R": f"{certificate.condition:.4g}, {np.trace(certificate.Q):.4g}, "
+        f"{np.trace(certificate.R):.4g}",
+        "largest eigenvalue": f"{certificate.residual:.3g}",
+    }
+    return table(title, {"": rows})
+
+
+def scores(title: str, best: pd.DataFrame) -> Table:
+    """The rows of a tuning's table, short: errors on held-out quarters, relative to the spread of the states."""
+    result = Table("M", "mu", "space", "rest", "error", "in the quarters", "radius", title=title, title_justify="left")
+    for row in best.to_dict("records"):
+        weight = row["lambda/mu"]
+        space = row["space"] if np.isnan(weight) else f"ridge {weight:.0e} mu"
+        quarters = " ".join(f"{row[key]:.1e}" for key in row if str(key).startswith("quarter"))
+        cells = [str(row["horizon"]), f"{row['mu']:.2g}", space, "yes" if row["equilibrium"] else "no"]
+        result.add_row(*cells, f"{np.exp(row['score']):.2e}", quarters, f"{row['spectral radius']:.3f}")
     return result
 
 

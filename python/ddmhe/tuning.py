@@ -310,7 +310,8 @@ def _table(history: History, ranked: list[_Candidate]) -> pd.DataFrame:
             {
                 "horizon": c.horizon,
                 "mu": c.mu * unit,
-                "space": repr(c.given.get("space", "auto")),
+                "space": str(c.given.get("space", "auto")),
+                "lambda/mu": math.nan if c.weight is None else c.weight,
                 "equilibrium": c.equilibrium,
                 "score": c.score,
                 "rated": c.rated,

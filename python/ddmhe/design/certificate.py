@@ -136,14 +136,14 @@ class Certificate:
         if self.A is None or self.C is None:
             raise DdmheError("certificate: expected one with its model (A, C), found one without")
         root_R = scipy.linalg.cholesky(self.R)
-        if self.noise is None:
+        if self.uncertainty is None:
             powers = [np.eye(len(self.A))]
             for _ in range(count - 1):
                 powers.append(self.A @ powers[-1])
             return np.array([np.linalg.norm(root_R @ self.C @ power, 2) for power in powers])
         # ‖C d‖²_R ≤ ‖A d‖²_P + … is no bound; over the set only norms are left: ‖C d‖_R ≤ (‖C_c‖ + spread)‖d‖_P.
-        assert self.uncertainty is not None
-        assert self.growth is not None
+        if self.growth is None:
+            raise DdmheError("certificate: expected one with its growth, found one without")
         inverse = scipy.linalg.solve_triangular(scipy.linalg.cholesky(self.P), np.eye(len(self.P)))
         spread = self.uncertainty.v * np.linalg.norm(_root(self.uncertainty.metric[:-1, :-1]) @ inverse, 2)
         gain = np.linalg.norm(root_R @ self.C @ inverse, 2) + spread
@@ -153,7 +153,13 @@ class Certificate:
     @property
     def words(self) -> str:
         """What is certified, for which systems, and what it asks of the estimator."""
-        scope = "the one system (A, C) that was given or identified"
+        scope = (
+            "the one system (A, C) that was given or identified, and no other that a noisy recording allows (state "
+            "its noise "
+            "for that)"
+        )
+        if self.uncertainty is not None:
+            scope = "every system consistent with the recording that it was made from"
         if self.noise is not None:
             chance = f", with probability {self.noise.confidence:g}," if self.noise.kind == "gaussian" else ""
             scope = (

@@ -1,0 +1,144 @@
+"""Tuning from the recording alone: what it promises of its choice, and how it goes about it."""
+
+import numpy as np
+import pytest
+
+import ddmhe
+from ddmhe._core import validate
+from reference import random_system
+
+
+def detumbling(noise=0.01, seed=1, sigma_x=0.0):
+    record = ddmhe.models.detumbling().simulate(60.0, 0.1, noise=noise, seed=seed)
+    x = record.x[:201] + sigma_x * np.random.default_rng(seed).standard_normal((201, 3))
+    return ddmhe.History(x, record.y[:200], dt=0.1), record
+
+
+@pytest.fixture(scope="module")
+def tuned():
+    history, _ = detumbling()
+    return ddmhe.tune(history)
+
+
+def test_the_settings_make_an_estimator_that_is_stable_and_no_worse_than_the_defaults(tuned):
+    history, record = detumbling()
+    estimator = ddmhe.DdMhe(history, **tuned.settings)
+    assert (estimator.horizon, estimator.rho, estimator.mu) == (tuned.horizon, tuned.rho, tuned.mu)
+    assert estimator.spectral_radius <= 1.005
+
+    def error(estimator):
+        return np.linalg.norm(estimator.run(record.y[200:-1]).x - record.x[201:], axis=1).mean()
+
+    assert error(estimator) < 1.5 * error(ddmhe.DdMhe(history))
+
+
+def test_the_table_ranks_what_was_tried(tuned):
+    table = tuned.table
+    assert len(table) == len(tuned.candidates) > 50
+    assert table["rated"].is_monotonic_increasing
+    assert tuned.score == table["score"].iloc[0]
+    stable = table[table["spectral radius"] <= 1.005]
+    assert np.isfinite(stable["score"]).all()
+    assert not np.isfinite(table["rated"][table["spectral radius"] > 1.005]).any()
+    quarters = table[[f"quarter {q}" for q in (1, 2, 3, 4)]].iloc[0]
+    assert np.log(quarters).mean() == pytest.approx(tuned.score)
+    assert "held-out quarters" in tuned.words
+
+
+def test_the_scores_are_those_of_estimators_fitted_by_hand():
+    """Row by row: fit on three quarters as two recordings, estimate the fourth, relative to the spread."""
+    history, _ = detumbling()
+    (x, y) = history.recordings[0]
+    tuned = ddmhe.tune(history)
+    for row in (0, 5, 20):
+        for q in (1, 2):
+            a, z = 50 * q, 50 * (q + 1)
+            rest = ddmhe.History.concat([ddmhe.History(x[: a + 1], y[:a]), ddmhe.History(x[z:], y[z:])])
+            estimator = ddmhe.DdMhe(rest, **tuned.candidates[row], x_prior=x[a])
+            error = estimator.run(y[a:z]).x - x[a + 1 : z + 1]
+            relative = np.sqrt(np.mean(np.sum(error**2, axis=1)) / x.var(axis=0).sum())
+            assert tuned.table[f"quarter {q + 1}"].iloc[row] == pytest.approx(relative, rel=1e-9)
+
+
+def test_the_same_recording_gives_the_same_choice(tuned):
+    history, _ = detumbling()
+    again = ddmhe.tune(history)
+    assert repr(again.settings) == repr(tuned.settings)
+    np.testing.assert_array_equal(again.table["score"], tuned.table["score"])
+
+
+def test_units_do_not_matter(tuned):
+    history, _ = detumbling()
+    (x, y) = history.recordings[0]
+    scaled = ddmhe.tune(ddmhe.History(1e3 * x + 5.0, 1e-4 * y - 1.0, dt=0.1))
+    assert scaled.horizon == tuned.horizon
+    assert str(scaled.space) == str(tuned.space)
+    assert scaled.mu == pytest.approx(tuned.mu * 1e14, rel=1e-6)
+    assert scaled.score == pytest.approx(tuned.score, rel=1e-4)
+
+
+def test_stated_output_noise_is_part_of_the_validation(tuned):
+    """A hundred times the recorded noise: the held-out errors grow, and more smoothing is chosen or tied."""
+    history, _ = detumbling()
+    noisy = ddmhe.tune(history, output_noise=1.0)
+    assert noisy.score > tuned.score + 0.5
+    assert ddmhe.tune(history, output_noise=[1e-9] * 3).score == tuned.score
+
+
+def test_a_known_rest_is_taken_where_it_helps():
+    """A brake whose torque bends over: the known rest tells where the motion goes, the recorded half second does not."""
+    speed = np.linspace(0.0, 100.0, 60)
+    curve = ddmhe.models.TorqueCurve(speed, 60.0 * 2 * (speed / 80) / (1 + (speed / 80) ** 2))
+    record = ddmhe.models.spin_down(omega_0=60.0, inertia=0.6, torque_curve=curve).simulate(4.5, 0.01, noise=0.5)
+    x = record.x[:51] + 0.1 * np.random.default_rng(0).standard_normal((51, 1))
+    history = ddmhe.History(x, record.y[:50], dt=0.01)
+    with_rest = ddmhe.tune(history, equilibrium=([0.0], [0.0]))
+    assert set(with_rest.table["equilibrium"]) == {True, False}
+
+    def error(settings):
+        return np.sqrt(np.mean((ddmhe.DdMhe(history, **settings).run(record.y[50:-1]).x - record.x[51:]) ** 2))
+
+    assert "equilibrium" in with_rest.settings
+    assert "rest was chosen" in with_rest.words
+    assert error(with_rest.settings) < 0.5 * error(ddmhe.tune(history).settings)
+
+
+def test_several_recordings():
+    rng = np.random.default_rng(0)
+    system = random_system(rng, 2, 1)
+    parts = []
+    for steps in (30, 80):
+        x, y = system.simulate(rng.standard_normal(2), steps)
+        parts.append(ddmhe.History(x + 1e-3 * rng.standard_normal(x.shape), y, dt=1.0))
+    tuned = ddmhe.tune(ddmhe.History.concat(parts))
+    assert np.isfinite(tuned.score)
+    assert ddmhe.DdMhe(ddmhe.History.concat(parts), **tuned.settings).spectral_radius <= 1.005
+
+
+def test_errors_name_the_argument():
+    history, _ = detumbling()
+    x = np.random.default_rng(0).standard_normal((15, 1))
+    cases = [
+        (dict(history=x), "history: expected a History"),
+        (dict(history=ddmhe.History(x, x[:-1])), "history: expected a recording of at least 20 samples"),
+        (dict(history=history, output_noise=[1.0, 2.0]), "output_noise: expected a number or 3 numbers"),
+        (dict(history=history, output_noise=-1.0), "output_noise: expected finite numbers"),
+        (dict(history=history, equilibrium=([0.0], [0.0])), "equilibrium: expected 3 numbers"),
+    ]
+    for arguments, message in cases:
+        with pytest.raises(ddmhe.DdmheError, match=message):
+            ddmhe.tune(**arguments)
+
+
+def test_validate_checks_its_folds():
+    history, _ = detumbling()
+    good = (history, np.zeros(3), np.zeros((2, 3)), np.zeros((2, 3)))
+    assert validate([good], [(0, {"horizon": 10_000})]) == [(np.inf, np.inf)]  # too long: no error, no use
+    for fold, jobs, message in (
+        ((history, np.zeros(2), *good[2:]), [], "folds: expected 3 numbers"),
+        ((*good[:3], np.zeros((3, 3))), [], "truth: expected 6 numbers"),
+        (good, [(1, {})], "jobs: expected folds below 1"),
+        (good, [(0, {"colour": 1})], "jobs: expected a setting of DdMhe"),
+    ):
+        with pytest.raises(ddmhe.DdmheError, match=message):
+            validate([fold], jobs)
