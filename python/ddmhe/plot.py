@@ -86,7 +86,7 @@ def pole_figure(model: AffineModel, placement: PolePlacement) -> Figure:
     if placement.gain is not None:
         kinds.append((placement.poles_identified, "s", "tab:green", "A + L C in the identified model"))
     for values, marker, color, label in kinds:
-        style = {"color": color} if marker == "x" else {"facecolors": "none", "edgecolors": color}
+        style: dict[str, Any] = {"color": color} if marker == "x" else {"facecolors": "none", "edgecolors": color}
         axes.scatter(values.real, values.imag, 60, marker=marker, label=label, zorder=3, **style)
     extent = max([1.2, *(1.1 * abs(z) for values, *_ in kinds for z in values)])
     axes.set(xlim=(-extent, extent), ylim=(-extent, extent), xlabel="real part", ylabel="imaginary part")

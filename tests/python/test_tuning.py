@@ -5,6 +5,7 @@ import pytest
 
 import ddmhe
 from ddmhe._core import validate
+from ddmhe.surrogate import Surrogate
 from reference import random_system
 
 
@@ -37,12 +38,14 @@ def test_the_table_ranks_what_was_tried(tuned):
     assert len(table) == len(tuned.candidates) > 50
     assert table["rated"].is_monotonic_increasing
     assert tuned.score == table["score"].iloc[0]
+    assert np.isfinite(table["rehearsed"][table["spectral radius"] <= 1.005]).all()
     stable = table[table["spectral radius"] <= 1.005]
     assert np.isfinite(stable["score"]).all()
     assert not np.isfinite(table["rated"][table["spectral radius"] > 1.005]).any()
     quarters = table[[f"quarter {q}" for q in (1, 2, 3, 4)]].iloc[0]
     assert np.log(quarters).mean() == pytest.approx(tuned.score)
     assert "held-out quarters" in tuned.words
+    assert "rehearsals" in tuned.words
 
 
 def test_the_scores_are_those_of_estimators_fitted_by_hand():
@@ -86,7 +89,7 @@ def test_stated_output_noise_is_part_of_the_validation(tuned):
 
 
 def test_a_known_rest_is_taken_where_it_helps():
-    """A brake whose torque bends over: the known rest tells where the motion goes, the recorded half second does not."""
+    """A brake whose torque bends over: the known rest tells where the motion goes, the recording does not."""
     speed = np.linspace(0.0, 100.0, 60)
     curve = ddmhe.models.TorqueCurve(speed, 60.0 * 2 * (speed / 80) / (1 + (speed / 80) ** 2))
     record = ddmhe.models.spin_down(omega_0=60.0, inertia=0.6, torque_curve=curve).simulate(4.5, 0.01, noise=0.5)
@@ -101,6 +104,42 @@ def test_a_known_rest_is_taken_where_it_helps():
     assert "equilibrium" in with_rest.settings
     assert "rest was chosen" in with_rest.words
     assert error(with_rest.settings) < 0.5 * error(ddmhe.tune(history).settings)
+
+
+def test_the_surrogate_is_the_system_where_that_is_quadratic():
+    """Euler's equations by forward Euler are quadratic: fitted to 20 s, the surrogate predicts the next 80 s to a few
+    per cent."""
+    history, _ = detumbling(noise=0.0)
+    (x, y) = history.recordings[0]
+    surrogate = Surrogate(x, y, (np.zeros(3), np.zeros(3)))
+    assert surrogate.misfit < 0.1
+    motion, outputs = surrogate.motion(None, 1000)
+    truth = ddmhe.models.detumbling().simulate(100.0, 0.1)
+    assert np.abs(motion - truth.x).max() < 0.03 * np.abs(truth.x).max()
+    assert np.abs(outputs - truth.y[:-1]).max() < 0.03 * np.abs(truth.y).max()
+
+
+def test_drawn_motions_fit_the_recording_and_spread_beyond():
+    history, _ = detumbling(sigma_x=1e-3)
+    (x, y) = history.recordings[0]
+    surrogate = Surrogate(x, y, (np.zeros(3), np.zeros(3)))
+    assert surrogate.noise_x == pytest.approx(1e-3, rel=0.15)
+    assert surrogate.noise_y == pytest.approx(0.01, rel=0.15)
+    assert 0.7 < surrogate.misfit < 1.3
+    drawn = [surrogate.motion(np.random.default_rng(k), 300)[0] for k in range(8)]
+    inside = [np.sqrt(np.mean((d[:201] - x) ** 2)) for d in drawn]
+    assert np.median(inside) < 1.1e-3  # the noise, and little more
+    beyond, within = np.std([d[300] for d in drawn], axis=0), np.std([d[100] for d in drawn], axis=0)
+    assert (beyond > 3 * within).any()
+
+
+def test_hidden_states_are_not_rehearsed():
+    """A pendulum of which only the rate was recorded: the quarters alone decide, and the words say so."""
+    record = ddmhe.models.pendulum().simulate(12.0, 0.05)
+    history = ddmhe.History(record.x[:201, 1:], record.x[:200, 1:] ** 2, dt=0.05)
+    tuned = ddmhe.tune(history)
+    assert tuned.table["rehearsed"].isna().all()
+    assert "Nothing here tests motion outside" in tuned.words
 
 
 def test_several_recordings():
@@ -132,11 +171,12 @@ def test_errors_name_the_argument():
 
 def test_validate_checks_its_folds():
     history, _ = detumbling()
-    good = (history, np.zeros(3), np.zeros((2, 3)), np.zeros((2, 3)))
-    assert validate([good], [(0, {"horizon": 10_000})]) == [(np.inf, np.inf)]  # too long: no error, no use
+    good = (history, np.zeros(3), np.zeros((2, 3)), np.zeros((2, 3)), [1, 2])
+    assert validate([good], [(0, {"horizon": 10_000})]) == [([np.inf, np.inf], np.inf)]  # too long: no error, no use
     for fold, jobs, message in (
         ((history, np.zeros(2), *good[2:]), [], "folds: expected 3 numbers"),
-        ((*good[:3], np.zeros((3, 3))), [], "truth: expected 6 numbers"),
+        ((*good[:3], np.zeros((3, 3)), [1]), [], "truth: expected 6 numbers"),
+        ((*good[:4], [3]), [], "spans: expected 1 to 2 estimates"),
         (good, [(1, {})], "jobs: expected folds below 1"),
         (good, [(0, {"colour": 1})], "jobs: expected a setting of DdMhe"),
     ):

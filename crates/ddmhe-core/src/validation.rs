@@ -17,13 +17,15 @@ pub struct Fold {
     pub outputs: Vec<f64>,
     /// The states that should come out, N·n.
     pub truth: Vec<f64>,
+    /// How many of the first estimates each error covers; each from 1 to N.
+    pub spans: Vec<usize>,
 }
 
 /// How one setting did on one fold.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Score {
-    /// Mean over the estimates of ‖x̂ - x‖², infinite if the setting cannot be used on this fold.
-    pub error: f64,
+    /// Mean of ‖x̂ - x‖² over the estimates of each span, infinite if the setting cannot be used on this fold.
+    pub errors: Vec<f64>,
     /// Spectral radius of the map prior → estimate, infinite likewise.
     pub spectral_radius: f64,
 }
@@ -43,6 +45,9 @@ impl Fold {
         if self.truth.len() != expected {
             return Err(Error::shape("truth", format!("{expected} numbers"), self.truth.len()));
         }
+        if let Some(span) = self.spans.iter().find(|s| **s == 0 || **s > expected / n) {
+            return Err(Error::value("spans", format!("1 to {} estimates", expected / n), span));
+        }
         check_finite("truth", &self.truth, n)
     }
 
@@ -53,9 +58,12 @@ impl Fold {
         let mut mhe = DdMhe::new(&self.history, config).ok()?;
         let spectral_radius = mhe.spectral_radius();
         let log = mhe.run(&self.outputs).ok()?;
-        let squares: f64 = log.x.iter().zip(&self.truth).map(|(a, b)| (a - b).powi(2)).sum();
-        let count = (self.truth.len() / self.history.n()).max(1);
-        Some(Score { error: squares / count as f64, spectral_radius })
+        let squares = |span: usize| -> f64 {
+            log.x.iter().zip(&self.truth).take(span * self.history.n()).map(|(a, b)| (a - b).powi(2)).sum()
+        };
+        let errors: Vec<f64> = self.spans.iter().map(|&span| squares(span) / span as f64).collect();
+        let finite = spectral_radius.is_finite() && errors.iter().all(|e| e.is_finite());
+        finite.then_some(Score { errors, spectral_radius })
     }
 }
 
@@ -69,10 +77,7 @@ pub fn validate(folds: &[Fold], jobs: &[(usize, Config)]) -> Result<Vec<Score>, 
     if let Some((fold, _)) = jobs.iter().find(|(fold, _)| *fold >= folds.len()) {
         return Err(Error::value("jobs", format!("folds below {}", folds.len()), fold));
     }
-    let useless = Score { error: f64::INFINITY, spectral_radius: f64::INFINITY };
-    let finite = |s: Score| s.error.is_finite() && s.spectral_radius.is_finite();
-    Ok(jobs
-        .par_iter()
-        .map(|(fold, config)| folds[*fold].score(config).filter(|s| finite(*s)).unwrap_or(useless))
-        .collect())
+    let useless = |fold: &Fold| Score { errors: vec![f64::INFINITY; fold.spans.len()], spectral_radius: f64::INFINITY };
+    let score = |(k, config): &(usize, Config)| folds[*k].score(config).unwrap_or_else(|| useless(&folds[*k]));
+    Ok(jobs.par_iter().map(score).collect())
 }

@@ -8,10 +8,12 @@ use ddmhe_core::{Config, Space};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
-/// History, prior (n,), outputs (N, p) and true states (N, n).
-type Held<'py> = (Bound<'py, PyAny>, Bound<'py, PyAny>, Bound<'py, PyAny>, Bound<'py, PyAny>);
+/// History, prior (n,), outputs (N, p), true states (N, n), and the number of estimates that each error covers.
+type Held<'py> = (Bound<'py, PyAny>, Bound<'py, PyAny>, Bound<'py, PyAny>, Bound<'py, PyAny>, Vec<usize>);
 
-/// Scores (mean squared error, spectral radius) of jobs (fold, settings) on folds (history, x_prior, outputs, truth), on all cores.
+/// Scores (mean squared error of each span, spectral radius) of jobs (fold, settings), on all cores.
+///
+/// A fold is (history, x_prior, outputs, truth, spans).
 ///
 /// Settings are keywords of DdMhe: horizon, rho, mu, space, equilibrium, warm_start. A setting that cannot be used scores inf.
 #[pyfunction]
@@ -19,21 +21,21 @@ pub fn validate(
     py: Python<'_>,
     folds: Vec<Held<'_>>,
     jobs: Vec<(usize, Bound<'_, PyDict>)>,
-) -> PyResult<Vec<(f64, f64)>> {
-    let folds: Vec<Fold> = folds.iter().map(|(h, x, y, truth)| fold(h, x, y, truth)).collect::<PyResult<_>>()?;
+) -> PyResult<Vec<(Vec<f64>, f64)>> {
+    let folds: Vec<Fold> = folds.into_iter().map(fold).collect::<PyResult<_>>()?;
     let (n, p) = folds.first().map_or((0, 0), |f| (f.history.n(), f.history.p()));
     let jobs: Vec<(usize, Config)> =
         jobs.iter().map(|(fold, given)| Ok((*fold, config(given, n, p)?))).collect::<PyResult<_>>()?;
     let scores = py.detach(|| validation::validate(&folds, &jobs)).map_err(raise)?;
-    Ok(scores.iter().map(|Score { error, spectral_radius }| (*error, *spectral_radius)).collect())
+    Ok(scores.into_iter().map(|Score { errors, spectral_radius }| (errors, spectral_radius)).collect())
 }
 
-fn fold(h: &Bound<'_, PyAny>, x: &Bound<'_, PyAny>, y: &Bound<'_, PyAny>, truth: &Bound<'_, PyAny>) -> PyResult<Fold> {
-    let history = cast_history("folds", h)?.core.clone();
-    let x_prior = Numbers::vector("folds", x, history.n())?;
-    let (outputs, ..) = Numbers::matrix("folds", y, "(N, p)")?;
-    let (truth, ..) = Numbers::matrix("folds", truth, "(N, n)")?;
-    Ok(Fold { history, x_prior, outputs, truth })
+fn fold((h, x, y, truth, spans): Held<'_>) -> PyResult<Fold> {
+    let history = cast_history("folds", &h)?.core.clone();
+    let x_prior = Numbers::vector("folds", &x, history.n())?;
+    let (outputs, ..) = Numbers::matrix("folds", &y, "(N, p)")?;
+    let (truth, ..) = Numbers::matrix("folds", &truth, "(N, n)")?;
+    Ok(Fold { history, x_prior, outputs, truth, spans })
 }
 
 fn config(given: &Bound<'_, PyDict>, n: usize, p: usize) -> PyResult<Config> {
