@@ -6,30 +6,21 @@ For the difference d of two trajectories, d⁺ = A d - w, the inequality
 
 makes ‖d‖²_P an incremental input/output-to-state Lyapunov function (Schiller, Muntwiler, Köhler, Zeilinger, Müller
 2023). It exists for every observable pair and every η in (0, 1), also where (24) of Liu et al. 2026 is impossible.
-
-For every [A; C] = [A_c; C_c] + Δ^½ Γ H^-½, ‖Γ‖ ≤ 1 (see `uncertainty`), (L) is a quadratic inequality in (d, q, w) with
-q = Δ^½ s, ‖s‖² ≤ dᵀH⁻¹d. By the S-lemma, lossless for one quadratic constraint, it holds for all of them if and only if
-
-    Φ = FᵀPF - η E_dᵀPE_d - GᵀRG - E_wᵀQE_w + τ(E_dᵀH⁻¹E_d - E_sᵀE_s) ⪯ 0 for some τ ≥ 0,
-    F = [A_c, [I 0]Δ^½, I],  G = [C_c, [0 I]Δ^½, 0]  on (d, s, w).
-
-One implementation serves both: without uncertainty there is no s.
 """
 
 from __future__ import annotations
 
 import math
-import warnings
 from dataclasses import dataclass, replace
 from typing import Any
 
-import cvxpy as cp
 import numpy as np
 import scipy.linalg
 from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import minimize_scalar
 
 from ddmhe._core import DdmheError, History, InfeasibleError, NotFiniteError, ShapeError
+from ddmhe.design.dissipation import best_gains, dissipation, extremes, largest_eigenvalue, root
 from ddmhe.design.model import identify, unobservable_modes
 from ddmhe.design.uncertainty import ConsistentSet, RecordingNoise, consistent_set
 
@@ -39,9 +30,6 @@ __all__ = ["Certificate", "Uncertainty", "ioss", "minimum_horizon", "scalar_cert
 
 ETA = 0.95
 """Discount that is designed for when neither `eta` nor `condition` is given."""
-MARGIN = 1e-7
-"""The semidefinite programme keeps Φ's (d, s) block this far below zero, relative to its size in balanced
-coordinates."""
 
 
 @dataclass(frozen=True)
@@ -96,7 +84,7 @@ class Certificate:
         """Largest eigenvalue of (L) for a system (A, C): it satisfies the inequality when this is at most 0."""
         A, C = _system(A, C)
         _matching(self.P, A, self.R, C)
-        return _largest(_dissipation(A, C, self.P, self.Q, self.R, self.eta))
+        return largest_eigenvalue(dissipation(A, C, self.P, self.Q, self.R, self.eta))
 
     def error_bound(self, steps: int, horizon: int, initial: float, w: float, v: float) -> Array:
         """Bounds (steps+1,) on ‖x̂(t) - x(t)‖, t = 0 … steps, known before the first measurement.
@@ -117,7 +105,7 @@ class Certificate:
         for name, count in (("steps", steps), ("horizon", horizon)):
             if count < 1:
                 raise DdmheError(f"{name}: expected at least 1, found {count}")
-        root = {name: math.sqrt(_extremes(M)[1]) for name, M in (("P", self.P), ("Q", self.Q), ("R", self.R))}
+        root = {name: math.sqrt(extremes(M)[1]) for name, M in (("P", self.P), ("Q", self.Q), ("R", self.R))}
         drift = np.concatenate([[0.0], np.cumsum(self._gains(min(horizon, steps)))]) * w
         weighted = [root["P"] * initial]
         for t in range(1, steps + 1):
@@ -127,7 +115,7 @@ class Certificate:
             candidate = float(discount @ (V + drift[:m]) ** 2)
             total = float(discount.sum())
             weighted.append(_least_bound(self.eta**m * weighted[t - m] ** 2, candidate, total * V**2, total * W**2))
-        bounds = np.array(weighted) / math.sqrt(_extremes(self.P)[0])
+        bounds = np.array(weighted) / math.sqrt(extremes(self.P)[0])
         bounds[0] = initial
         return bounds
 
@@ -145,9 +133,9 @@ class Certificate:
         if self.growth is None:
             raise DdmheError("certificate: expected one with its growth, found one without")
         inverse = scipy.linalg.solve_triangular(scipy.linalg.cholesky(self.P), np.eye(len(self.P)))
-        spread = self.uncertainty.v * np.linalg.norm(_root(self.uncertainty.metric[:-1, :-1]) @ inverse, 2)
+        spread = self.uncertainty.v * np.linalg.norm(root(self.uncertainty.metric[:-1, :-1]) @ inverse, 2)
         gain = np.linalg.norm(root_R @ self.C @ inverse, 2) + spread
-        largest = math.sqrt(_extremes(self.P)[1])
+        largest = math.sqrt(extremes(self.P)[1])
         return np.asarray(gain * self.growth ** np.arange(count) * largest)
 
     @property
@@ -235,7 +223,7 @@ def ioss(
         raise DdmheError(f"gains: expected two positive numbers (w, v), found {gains}")
     if eta is None:
         eta = ETA if condition is None else _smallest_eta(system, condition)
-    found = _design(system, eta, condition, gains)
+    found = best_gains(system, eta, condition, gains)
     if found is None:
         raise InfeasibleError(_why_not(system, eta, condition, noise))
     return _certificate(system, *found, eta=eta, noise=noise, offsets=history is not None)
@@ -256,7 +244,7 @@ def scalar_certificate(A: ArrayLike, C: ArrayLike, gain: ArrayLike, rho: float, 
     if not mu_0 <= mu < math.inf:
         raise InfeasibleError(f"mu: expected at least {mu_0:.4g}, which (24) asks for, found {mu}")
     P, Q, R = np.eye(len(A)), 3.0 * np.eye(len(A)), mu * np.eye(len(C))
-    residual = _largest(_dissipation(A, C, P, Q, R, rho))
+    residual = largest_eigenvalue(dissipation(A, C, P, Q, R, rho))
     if residual > 0:
         raise InfeasibleError(f"gain: expected one for which the inequality holds, found its eigenvalue {residual:.3g}")
     return Certificate(P, Q, R, rho, residual, A, C, growth=float(np.linalg.norm(A, 2)))
@@ -312,173 +300,6 @@ def _check_number(name: str, value: float | None, fits: Any, expected: str) -> N
         raise DdmheError(f"{name}: expected {expected}, found {value}")
 
 
-# --- the inequality
-
-
-def _operators(system: ConsistentSet) -> tuple[Array, Array]:
-    """[A_c, [I 0]Δ^½] and [C_c, [0 I]Δ^½]: next difference and output difference from (d, s)."""
-    n = len(system.A)
-    return np.hstack([system.A, system.root[:n]]), np.hstack([system.C, system.root[n:]])
-
-
-def _storage(system: ConsistentSet, P: Any, R: Any, tau: Any, eta: float) -> Any:
-    """S = -Φ restricted to w = 0; NumPy arrays or cvxpy expressions."""
-    F, G = _operators(system)
-    n, k = len(system.A), system.root.shape[1]
-    E = np.eye(n, n + k)
-    allowed = E.T @ system.shape @ E - np.diag([0.0] * n + [1.0] * k)
-    S = eta * E.T @ P @ E + G.T @ R @ G - F.T @ P @ F
-    return S - tau * allowed if k else S
-
-
-def _inequality(system: ConsistentSet, P: Any, Q: Any, R: Any, tau: Any, eta: float) -> Any:
-    """-Φ on (d, s, w): positive semidefinite if and only if (L) holds for every system of the set."""
-    F, _ = _operators(system)
-    S, cross = _storage(system, P, R, tau, eta), -F.T @ P
-    if isinstance(S, np.ndarray):
-        return np.block([[S, cross], [cross.T, Q - P]])
-    return cp.bmat([[S, cross], [cross.T, Q - P]])
-
-
-def _dissipation(A: Array, C: Array, P: Array, Q: Array, R: Array, eta: float) -> Array:
-    """The matrix of (L)."""
-    return np.block([[A.T @ P @ A - eta * P - C.T @ R @ C, A.T @ P], [P @ A, P - Q]])
-
-
-def _largest(M: Array) -> float:
-    return float(np.linalg.eigvalsh(0.5 * (M + M.T))[-1])
-
-
-# --- the design
-
-
-def _transformed(system: ConsistentSet, T: Array, c: float) -> ConsistentSet:
-    """The set in coordinates d = T z, outputs divided by c."""
-    n, p = len(system.A), len(system.C)
-    inverse = np.linalg.inv(T)
-    left = scipy.linalg.block_diag(inverse, np.eye(p) / c)
-    metric = np.zeros_like(system.metric)
-    metric[:-1, :-1] = T.T @ system.shape @ T
-    moved = replace(system, A=inverse @ system.A @ T, C=system.C @ T / c, root=left @ system.root, metric=metric)
-    assert len(moved.A) == n
-    return moved
-
-
-def _balance(system: ConsistentSet, eta: float) -> Array | None:
-    """P₀ from the Riccati equation of the filter for (A/√η, C); it satisfies (L) itself, with R = ηI and some Q.
-
-    Σ = P₀⁻¹ = Ā(P₀ + CᵀC)⁻¹Āᵀ + W with W ≻ 0 means AᵀP₀A ≺ η(P₀ + CᵀC). None when the equation has no solution.
-    """
-    scale = float(np.linalg.norm(system.C, 2)) or 1.0
-    A, C = system.A / math.sqrt(eta), system.C / scale
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            sigma = scipy.linalg.solve_discrete_are(A.T, C.T, np.eye(len(A)), np.eye(len(C)))
-            P = np.linalg.inv(sigma)
-    except (np.linalg.LinAlgError, ValueError):
-        return None
-    P = 0.5 * (P + P.T)
-    return P if np.isfinite(P).all() and np.linalg.eigvalsh(P)[0] > 0 else None
-
-
-def _design(
-    system: ConsistentSet, eta: float, condition: float | None, gains: tuple[float, float]
-) -> tuple[Array, Array, Array, float, float] | None:
-    """(P, Q, R, τ, residual) in the user's units, verified; None if none was found."""
-    P_0 = _balance(system, eta)
-    if P_0 is None:
-        return None
-    scale = float(np.linalg.norm(system.C, 2)) or 1.0
-    values, vectors = np.linalg.eigh(P_0)
-    T = vectors / np.sqrt(values)  # TᵀP₀T = I
-    candidates = [_programme(_transformed(system, T, scale), T, eta, condition, (gains[0], gains[1] / scale))]
-    if not system.root.shape[1]:
-        candidates.append((np.eye(len(T)), eta * np.eye(len(system.C)), 0.0))  # the Riccati solution itself
-    for found in candidates:
-        if found is None:
-            continue
-        P, R, tau = found
-        inverse = np.linalg.inv(T)
-        verified = _verified(system, inverse.T @ P @ inverse, R / scale**2, tau, eta)
-        if verified is not None and (condition is None or _condition(verified[0]) <= condition * (1 + 1e-6)):
-            return verified
-    return None
-
-
-def _programme(
-    system: ConsistentSet, T: Array, eta: float, condition: float | None, gains: tuple[float, float]
-) -> tuple[Array, Array, float] | None:
-    """P, R, τ of the semidefinite programme in balanced coordinates; None unless the solver calls them (nearly)
-    optimal."""
-    n, p = len(system.A), len(system.C)
-    P, Q = cp.Variable((n, n), symmetric=True), cp.Variable((n, n), symmetric=True)
-    R = cp.Variable((p, p), symmetric=True)
-    tau = cp.Variable(nonneg=True)
-    unit = T.T @ T  # P ⪰ I in the user's coordinates
-    size = max(float(np.linalg.norm(unit, 2)), 1e-300)
-    kept = n + system.root.shape[1]
-    floor = MARGIN * scipy.linalg.block_diag(np.eye(kept), np.zeros((n, n)))
-    constraints = [_symmetric(_inequality(system, P, Q, R, tau, eta)) >> floor, R >> 1e-9 * np.eye(p), P >> unit / size]
-    if condition is not None:
-        constraints.append(P << condition * unit / size)
-    inverse = np.linalg.inv(T)
-    weight = inverse @ inverse.T
-    weight = weight / np.linalg.norm(weight, 2)
-    cost = (
-        gains[0] ** 2 * cp.trace(weight @ Q) / n
-        + (gains[1] ** 2) * cp.trace(R) * float(1 / np.linalg.norm(inverse @ inverse.T, 2)) / n
-    )
-    problem = cp.Problem(cp.Minimize(cost), constraints)
-    if not _solve(problem) or P.value is None or R.value is None:
-        return None
-    return P.value * size, R.value * size, float(tau.value) * size if system.root.shape[1] else 0.0
-
-
-def _symmetric(M: Any) -> Any:
-    return 0.5 * (M + M.T)
-
-
-def _solve(problem: Any) -> bool:
-    """Whether Clarabel found a point; what it is worth is for `_verified` to say."""
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            problem.solve(solver=cp.CLARABEL)
-    except cp.error.SolverError:
-        return False
-    return problem.status in (cp.OPTIMAL, cp.OPTIMAL_INACCURATE)
-
-
-def _verified(
-    system: ConsistentSet, P: Array, R: Array, tau: float, eta: float
-) -> tuple[Array, Array, Array, float, float] | None:
-    """P, Q, R, τ, residual with the inequality confirmed by eigenvalues in the user's units; None if they deny it.
-
-    Q is computed anew: with S ≻ 0 the smallest Q is P + PF S⁻¹ FᵀP (Schur complement). A little more of Q keeps the
-    eigenvalues
-    away from zero by more than rounding.
-    """
-    P, R = 0.5 * (P + P.T), 0.5 * (R + R.T)
-    smallest = float(np.linalg.eigvalsh(P)[0])
-    if not smallest > 0 or not float(np.linalg.eigvalsh(R)[0]) > 0:
-        return None
-    P, R, tau = P / smallest, R / smallest, tau / smallest
-    F, _ = _operators(system)
-    S = _storage(system, P, R, tau, eta)
-    values = np.linalg.eigvalsh(0.5 * (S + S.T))
-    if not values[0] > 0:
-        return None
-    Q = P + P @ F @ np.linalg.solve(0.5 * (S + S.T), F.T @ P)
-    Q = 0.5 * (Q + Q.T)
-    for more in (1e-6, 1e-4, 1e-2, 1.0):
-        inflated = Q + more * np.eye(len(Q)) * float(np.trace(Q)) / len(Q)
-        residual = -float(np.linalg.eigvalsh(_symmetric(_inequality(system, P, inflated, R, tau, eta)))[0])
-        if residual <= 0:
-            return P, inflated, R, tau, residual
-    return None
-
-
 def _certificate(
     system: ConsistentSet,
     P: Array,
@@ -497,7 +318,7 @@ def _certificate(
     growth = float(np.linalg.norm(root_P @ system.A @ inverse, 2))
     uncertainty = None
     if noise is not None:
-        spread = float(np.linalg.norm(root_P @ system.root[:n], 2) * np.linalg.norm(_root(system.shape) @ inverse, 2))
+        spread = float(np.linalg.norm(root_P @ system.root[:n], 2) * np.linalg.norm(root(system.shape) @ inverse, 2))
         growth += spread
         w, v = (float(np.linalg.norm(U @ q, 2)) for U, q in ((root_Q, system.root[:n]), (root_R, system.root[n:])))
         uncertainty = Uncertainty(system.metric, w, v)
@@ -508,13 +329,13 @@ def _certificate(
 def _smallest_eta(system: ConsistentSet, condition: float) -> float:
     """Smallest η, to 1e-3, at which cond P ≤ condition is possible: bisection."""
     lo, hi = 0.0, 1.0 - 1e-4
-    if _design(system, hi, condition, (1.0, 1.0)) is None:
+    if best_gains(system, hi, condition, (1.0, 1.0)) is None:
         raise InfeasibleError(
             f"condition: expected a bound on cond P that some eta below {hi} can meet, found {condition:g}"
         )
     while hi - lo > 1e-3:
         middle = 0.5 * (lo + hi)
-        lo, hi = (lo, middle) if _design(system, middle, condition, (1.0, 1.0)) else (middle, hi)
+        lo, hi = (lo, middle) if best_gains(system, middle, condition, (1.0, 1.0)) else (middle, hi)
     return hi
 
 
@@ -550,7 +371,7 @@ def _certifiable_share(system: ConsistentSet, eta: float, condition: float | Non
     while hi - lo > 0.1:
         middle = 0.5 * (lo + hi)
         narrower = replace(system, root=math.exp(middle) * system.root)
-        lo, hi = (lo, middle) if _design(narrower, eta, condition, gains) is None else (middle, hi)
+        lo, hi = (lo, middle) if best_gains(narrower, eta, condition, gains) is None else (middle, hi)
     return math.exp(lo)
 
 
@@ -567,19 +388,3 @@ def _least_bound(prior: float, candidate: float, noise: float, motion: float) ->
 
     best = minimize_scalar(bound, bounds=(-30.0, 30.0), method="bounded")
     return math.sqrt(min(bound(float(best.x)), bound(-30.0)))
-
-
-def _extremes(M: Array) -> tuple[float, float]:
-    values = np.linalg.eigvalsh(M)
-    return float(values[0]), float(values[-1])
-
-
-def _condition(M: Array) -> float:
-    lo, hi = _extremes(M)
-    return hi / lo
-
-
-def _root(M: Array) -> Array:
-    """U with UᵀU = M for a positive semidefinite M."""
-    values, vectors = np.linalg.eigh(M)
-    return np.asarray((vectors * np.sqrt(np.maximum(values, 0.0))).T)
