@@ -243,6 +243,8 @@ def _summary(log: Log, split: Split, est: DdMhe, estimates: Estimates) -> Any:
     rows = {"history": f"T = {split.history.T} samples of {log.dt:.4g} s"}
     rows |= {"gaps filled": f"{filled} samples"} if filled else {}
     rows |= report.settings(est) | report.outcome(estimates.status, estimates.iterations)
+    if estimates.bound is not None:
+        rows["error bound"] = f"{np.median(estimates.bound):.4g} median, {np.max(estimates.bound):.4g} at most"
     if split.x_true is not None:
         errors = report.rmse(estimates.x - split.x_true)
         rows |= {f"RMSE {name}": f"{value:.4g}" for name, value in zip(log.names.state, errors, strict=True)}

@@ -1,0 +1,116 @@
+//! Certificates without Python: x(t+1) = 0.9 x + 1 + w, y = 2 x + v, for which (L) can be checked by hand.
+
+use ddmhe_core::validation::{Fold, validate};
+use ddmhe_core::{Certificate, Config, DdMhe, Disturbance, Error, History, Space};
+
+fn recorded(start: f64, steps: usize, w: f64) -> (Vec<f64>, Vec<f64>) {
+    let x: Vec<f64> = std::iter::successors(Some(start), |x| Some(0.9 * x + 1.0 + w)).take(steps + 1).collect();
+    let y = x[..steps].iter().map(|x| 2.0 * x).collect();
+    (x, y)
+}
+
+fn history() -> History {
+    let (x, y) = recorded(0.0, 30, 0.0);
+    History::new(1, 1, &x, &y, 0.1).expect("a valid recording")
+}
+
+/// (0.9 d - w)² ≤ 0.5 d² + 2 w² + R (2 d)² holds when 0.81 + 0.81 ≤ 0.5 + 4 R: R = 0.28 by (a - b)² ≤ 2a² + 2b².
+fn certificate() -> Certificate {
+    Certificate { P: vec![1.0], Q: vec![2.0], R: vec![0.28], eta: 0.5, growth: Some(0.9), model: None }
+}
+
+#[test]
+fn the_smallest_horizon_makes_four_eta_to_the_m_less_than_one() {
+    assert_eq!(certificate().minimum_horizon(), 3); // 4 · 0.5² = 1 is not enough
+    assert_eq!(Certificate { eta: 0.95, ..certificate() }.minimum_horizon(), 28);
+    assert_eq!(Certificate { eta: 0.2, ..certificate() }.minimum_horizon(), 1);
+}
+
+#[test]
+fn errors_stay_below_the_bound_also_through_lost_outputs() {
+    let disturbance = Disturbance { initial: 1.0, w: 0.1, v: 0.2 };
+    let config = Config {
+        x_prior: Some(vec![6.0]),
+        space: Space::Exact,
+        certificate: Some(certificate()),
+        disturbance: Some(disturbance),
+        ..Config::default()
+    };
+    let mut mhe = DdMhe::new(&history(), config).expect("a valid configuration");
+    let (truth, outputs) = recorded(5.0, 40, 0.1);
+    for (t, y) in outputs.iter().enumerate() {
+        let y = if (10..13).contains(&t) { f64::NAN } else { y + 0.2 * if t % 3 == 0 { 1.0 } else { -1.0 } };
+        let estimate = mhe.step(&[y]).expect("a valid output");
+        let error = (estimate.x[0] - truth[t + 1]).abs();
+        let bound = estimate.bound.expect("a bound");
+        assert!(error <= bound && bound.is_finite(), "step {t}: {error} > {bound}");
+    }
+}
+
+#[test]
+fn a_constant_output_error_is_in_the_bound() {
+    // It can be fitted without any residual, so that nothing but the stated size tells of it.
+    let config = Config {
+        x_prior: Some(vec![5.1]),
+        space: Space::Exact,
+        certificate: Some(Certificate { growth: None, ..certificate() }),
+        disturbance: Some(Disturbance { initial: 0.1, w: 0.0, v: 0.2 }),
+        ..Config::default()
+    };
+    let mut mhe = DdMhe::new(&history(), config).expect("a valid configuration");
+    let (truth, outputs) = recorded(5.0, 40, 0.0);
+    for (t, y) in outputs.iter().enumerate() {
+        let estimate = mhe.step(&[y + 0.2]).expect("a valid output");
+        let error = (estimate.x[0] - truth[t + 1]).abs();
+        assert!(estimate.bound.is_some_and(|bound| error <= bound), "step {t}: {error} > {:?}", estimate.bound);
+    }
+}
+
+#[test]
+fn without_growth_a_lost_output_leaves_no_bound_until_it_has_left_the_window() {
+    let config = Config {
+        horizon: Some(3),
+        space: Space::Exact,
+        certificate: Some(Certificate { growth: None, ..certificate() }),
+        disturbance: Some(Disturbance { initial: 1.0, w: 0.0, v: 0.0 }),
+        ..Config::default()
+    };
+    let mut mhe = DdMhe::new(&history(), config).expect("a valid configuration");
+    let (_, outputs) = recorded(5.0, 4, 0.0);
+    assert!(mhe.step(&outputs[..1]).expect("a step").bound.is_some_and(f64::is_finite));
+    assert_eq!(mhe.step(&[f64::NAN]).expect("a step").bound, Some(f64::INFINITY));
+}
+
+#[test]
+fn a_certificate_excludes_scalar_weights_and_short_horizons() {
+    let with = |config: Config| DdMhe::new(&history(), config).err();
+    let base = Config { certificate: Some(certificate()), ..Config::default() };
+    assert!(matches!(with(Config { rho: Some(0.9), ..base.clone() }), Some(Error::Value { argument: "rho", .. })));
+    assert!(matches!(
+        with(Config { horizon: Some(2), ..base.clone() }),
+        Some(Error::Value { argument: "horizon", .. })
+    ));
+    let lopsided = Certificate { P: vec![1.0, 2.0], ..certificate() };
+    let wrong = Config { certificate: Some(lopsided), ..Config::default() };
+    assert!(matches!(with(wrong), Some(Error::Shape { argument: "certificate", .. })));
+}
+
+#[test]
+fn validation_scores_what_run_gives() {
+    let (truth, outputs) = recorded(5.0, 20, 0.0);
+    let fold = Fold {
+        history: history(),
+        x_prior: vec![4.0],
+        outputs: outputs.clone(),
+        truth: truth[1..].to_vec(),
+        spans: vec![5, 20],
+    };
+    let config = Config { horizon: Some(4), mu: Some(1e-3), ..Config::default() };
+    let scores = validate(&[fold], &[(0, config.clone()), (0, Config { horizon: Some(99), ..config.clone() })]);
+    let scores = scores.expect("valid folds");
+    let mut mhe = DdMhe::new(&history(), Config { x_prior: Some(vec![4.0]), ..config }).expect("a valid configuration");
+    let log = mhe.run(&outputs).expect("valid outputs");
+    let mean = |span: usize| (0..span).map(|k| (log.x[k] - truth[k + 1]).powi(2)).sum::<f64>() / span as f64;
+    assert!((scores[0].errors[0] - mean(5)).abs() <= 1e-15 && (scores[0].errors[1] - mean(20)).abs() <= 1e-15);
+    assert!(scores[1].errors.iter().all(|e| e.is_infinite()));
+}
