@@ -3,11 +3,10 @@
     z(k+1) = z(k) + Θᵀ[1; z(k); z(k) ⊗ z(k)],   y(k) = Cᵀ[1; z(k)]
 
 with z the state relative to a known rest (then without the ones: the rest stays one) or to the recording's mean.
-Rigid bodies turn
-like this (Euler's equations are quadratic), and any smooth motion does to second order. The parameters minimise the
-simulation
-error of the whole recording, in units of its noise, with a weak prior; other parameters that fit as well are drawn from
-the Gauss-Newton covariance. It serves to choose settings, never to estimate.
+Rigid bodies turn like this (Euler's equations are quadratic), and any smooth motion does to second order. The
+parameters minimise the simulation error of the whole recording, in units of its noise, with a weak prior; other
+parameters that fit as well are drawn from the Gauss-Newton covariance. It serves to choose settings, never to
+estimate.
 """
 
 from __future__ import annotations

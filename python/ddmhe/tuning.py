@@ -1,17 +1,13 @@
 """Settings from the recording alone: `tune` tries many where the answer is known and picks one.
 
 *Held-out quarters.* Each quarter of the recording is held out once; the estimator learns from the rest (as two
-recordings,
-no window across the seam) and estimates the quarter from its outputs, brought to the online noise. The score is the
-mean
-over the quarters of log(rms error / spread of the states).
+recordings, no window across the seam) and estimates the quarter from its outputs, brought to the online noise. The
+score is the mean over the quarters of log(rms error / spread of the states).
 
 *Rehearsals.* Quarters lie inside of the recorded region, and the estimator is to leave it. So a quadratic surrogate
-of the
-recorded motion (`surrogate`) and some draws of others that fit as well are recorded and run on for five times the
-recording, with its noise; the score is the mean log error over one, two and five times T. They are used when the
-recording
-shows its whole state (small misfit of the default rule) and the surrogate explains it.
+of the recorded motion (`surrogate`) and some draws of others that fit as well are recorded and run on for five times
+the recording, with its noise; the score is the mean log error over one, two and five times T. They are used when the
+recording shows its whole state (small misfit of the default rule) and the surrogate explains it.
 
 *Selection.* Scores are averaged over neighbouring regularisation weights: a minimum that its neighbours do not share is
 luck. Settings whose map from prior to estimate is unstable are refused. Without rehearsals the quarters alone decide,
@@ -72,8 +68,7 @@ GUARD = 1.005
 """Largest spectral radius of the map from prior to estimate."""
 BIAS = {"horizon": 0.1, "lambda": 0.1, "rank": 0.1, "equilibrium": 0.1, "warm start": 0.2}
 """In units of the score: per halving of the horizon, per decade between λ and the default rule's, for a cut at a
-rank; in favour
-of the equilibrium and of a warm start."""
+rank; in favour of the equilibrium and of a warm start."""
 
 
 @dataclass(frozen=True, eq=False)

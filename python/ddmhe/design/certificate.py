@@ -92,8 +92,7 @@ class Certificate:
         The weighted form of (34) for ‖x̄(0) - x(0)‖ ≤ initial, ‖w(t)‖ ≤ w, ‖v(t)‖ ≤ v, without constraints or with
         constraints that the true trajectory satisfies, for an estimator whose windows are trajectories of a certified
         system. The estimate compares with the trajectory from the true x(t-M) without w, whose outputs are off by v +
-        Cδ,
-        δ = Σ Aⁱw; each bound is the minimum over K > 1 of
+        Cδ, δ = Σ Aⁱw; each bound is the minimum over K > 1 of
 
             K(2η^M E² + Σ η^{j-1}(‖v + Cδ‖_R)²) + 2K/(2K-1) η^M E² + K/(K-1) Σ η^{j-1} V² + Σ η^{j-1} W².
 
@@ -209,8 +208,7 @@ def ioss(
     ------
     InfeasibleError
         No certificate exists or none was found: unobservable modes that η does not cover, η too small for
-        `condition`, noise that
-        allows for systems that cannot be certified together.
+        `condition`, noise that allows for systems that cannot be certified together.
     DdmheError, ShapeError, NotFiniteError, RankError
         Wrong arguments; a recording that does not determine (A, C).
     """

@@ -1,9 +1,8 @@
 """The inequality of a certificate and the semidefinite programme that proposes one; eigenvalues have the last word.
 
 For every [A; C] = [A_c; C_c] + Δ^½ Γ H^-½, ‖Γ‖ ≤ 1 (see `uncertainty`), the inequality (L) of `certificate` is a
-quadratic one in
-(d, q, w) with q = Δ^½ s, ‖s‖² ≤ dᵀH⁻¹d. By the S-lemma, lossless for one quadratic constraint, it holds for all of
-them if and only if
+quadratic one in (d, q, w) with q = Δ^½ s, ‖s‖² ≤ dᵀH⁻¹d. By the S-lemma, lossless for one quadratic constraint, it
+holds for all of them if and only if
 
     Φ = FᵀPF - η E_dᵀPE_d - GᵀRG - E_wᵀQE_w + τ(E_dᵀH⁻¹E_d - E_sᵀE_s) ⪯ 0 for some τ ≥ 0,
     F = [A_c, [I 0]Δ^½, I],  G = [C_c, [0 I]Δ^½, 0]  on (d, s, w).
@@ -176,8 +175,7 @@ def _verified(
     """P, Q, R, τ, residual with the inequality confirmed by eigenvalues in the user's units; None if they deny it.
 
     Q is computed anew: with S ≻ 0 the smallest Q is P + PF S⁻¹ FᵀP (Schur complement). A little more of Q keeps the
-    eigenvalues
-    away from zero by more than rounding.
+    eigenvalues away from zero by more than rounding.
     """
     P, R = 0.5 * (P + P.T), 0.5 * (R + R.T)
     smallest = float(np.linalg.eigvalsh(P)[0])

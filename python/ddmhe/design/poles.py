@@ -254,8 +254,7 @@ def _programme(data: _DualData, region: Region, Q: Array, R: Array) -> _Solution
     """(56); None if it has no solution whose poles lie in the region.
 
     The blocks are Lyapunov inequalities only for a symmetric X0dl X, which (55b) merely favours through β. Where the
-    asymmetry
-    that is left puts a pole outside, the programme is solved again with X0dl X symmetric (β = 0).
+    asymmetry that is left puts a pole outside, the programme is solved again with X0dl X symmetric (β = 0).
     """
     for symmetric in (False, True):
         solution = _solve(data, region, Q, R, symmetric)

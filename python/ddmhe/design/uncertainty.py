@@ -31,9 +31,8 @@ __all__ = ["ConsistentSet", "RecordingNoise", "consistent_set"]
 class RecordingNoise:
     """How wrong the recording may be.
 
-    "bounded": Euclidean norms that no sample's error exceeds. "gaussian": standard deviations per channel of white "
-    "noise; what
-    follows from them then holds with probability `confidence`.
+    "bounded": Euclidean norms that no sample's error exceeds. "gaussian": standard deviations per channel of
+    white noise; what follows from them then holds with probability `confidence`.
     """
 
     x: float = 0.0
@@ -60,10 +59,8 @@ class RecordingNoise:
         """θ of the blocks x(k+1), y(k), x(k) with EEᵀ ⪯ diag(θ I) over T samples.
 
         Bounded: a column of k blocks b_i is outer-bounded by k diag(b_i b_iᵀ). Gaussian: consecutive samples share an
-        error of the
-        state, so even and odd samples are taken apart; each half is a standard Gaussian matrix (2n+p) x T/2 of norm
-        at most
-        √(T/2) + √(2n+p) + t with probability 1 - exp(-t²/2) (Davidson, Szarek 2001).
+        error of the state, so even and odd samples are taken apart; each half is a standard Gaussian matrix (2n+p) x
+        T/2 of norm at most √(T/2) + √(2n+p) + t with probability 1 - exp(-t²/2) (Davidson, Szarek 2001).
         """
         if self.kind == "gaussian":
             t = math.sqrt(2 * math.log(2 / (1 - self.confidence)))
@@ -106,8 +103,7 @@ def consistent_set(history: History, noise: RecordingNoise) -> ConsistentSet:
     """The systems that a recording with errors of the stated size allows.
 
     Raises RankError when the noise hides the recorded motion (G is not positive definite) and DdmheError when no
-    system fits,
-    which means that the stated noise is smaller than the recording's.
+    system fits, which means that the stated noise is smaller than the recording's.
     """
     n, p = history.n, history.p
     X, Z = samples(history)
