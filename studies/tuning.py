@@ -9,13 +9,9 @@ no rule can reach it.
 """
 
 import os
-
-os.environ.setdefault("RAYON_NUM_THREADS", "1")  # the cases are the parallel loop here
-
 import sys
 import time
 from collections import defaultdict
-from concurrent.futures import ProcessPoolExecutor
 from itertools import product
 
 import numpy as np
@@ -34,8 +30,9 @@ def cases():
     """(case, equilibrium) of every group."""
     noises = list(product((0, 1e-4, 5e-4), (0.01, 0.05)))
     rest = (np.zeros(3), np.zeros(3))
-    for target, (sigma_x, sigma_y) in product(range(5), noises):
-        yield detumbling("3-DOF, random targets", random_target(target), sigma_x, sigma_y, 300 + target), rest
+    for group, targets in (("3-DOF, random targets", range(5)), ("3-DOF, held-out targets", range(20, 23))):
+        for target, (sigma_x, sigma_y) in product(targets, noises):
+            yield detumbling(group, random_target(target), sigma_x, sigma_y, 300 + target), rest
     still = (np.zeros(1), np.zeros(1))
     for sigma_x, sigma_y, seed in product((0, 0.05), (2e-4, 2e-3), range(4)):
         yield spin_down("spin-down, linear brake", ddmhe.models.spin_down(), sigma_x, sigma_y, seed), still
@@ -66,8 +63,7 @@ def judge(case, rest):
         found = {"tuned": run(tuned.settings), "defaults": run({})}
         hindsight = []
         for settings in tuned.candidates:
-            # on the other cases a warm start changes nothing but the time to prepare
-            for warm in (False, True) if case.relative else (True,):
+            for warm in (False, True) if case.relative else (False,):
                 hindsight.append(run(settings | {"warm_start": warm}))
     best = {name: np.nanmin([error[name] for error in hindsight]) for name in case.spans}
     return case.group, found, best, seconds
@@ -78,13 +74,10 @@ def main():
     console = Console()
     todo = list(cases())
     results, seconds = [], []
-    with ProcessPoolExecutor(os.cpu_count()) as pool:
-        judged = pool.map(judge, *zip(*todo, strict=True))
-        for *result, taken in track(judged, "cases", len(todo), console=console, disable=not sys.stdout.isatty()):
-            results.append(result)
-            seconds.append(taken)
-            if not sys.stdout.isatty():  # no progress bar there: a line a case
-                print(result[0], *(f"{s} {v:.3g}" for s, v in result[1]["tuned"].items()), flush=True)
+    for case, rest in track(todo, "cases", console=console, disable=not sys.stdout.isatty()):
+        *result, time_taken = judge(case, rest)
+        results.append(result)
+        seconds.append(time_taken)
     header = ["group", "cases", "error over", "setting", "median", "worst", "ratio to hindsight", "worst ratio"]
     lines = ["| " + " | ".join(header) + " |", "|" + " --- |" * len(header)]
     table = Table(*header, title="Tuning against hindsight")
@@ -101,7 +94,7 @@ def main():
         lines.append("| " + " | ".join(cells) + " |")
     console.print(table)
     median, worst = np.median(seconds), max(seconds)
-    took = f"One call of tune took {median:.1f} s in the median, {worst:.1f} s at most, on one core."
+    took = f"One call of tune took {median:.1f} s in the median, {worst:.1f} s at most, on {os.cpu_count()} cores."
     console.print(took)
     if any(case.group == "measured pendulum" for case, _ in todo):
         REPORT.write_text("\n".join([*PREFACE, took, "", *lines, ""]), encoding="utf-8")
@@ -117,7 +110,7 @@ PREFACE = [
     "NRMSE. *Hindsight* is",
     "the best of the tuner's own candidates, picked with the truth for each case and span by itself. The tuner's "
     "constants were chosen",
-    "with all of these groups in view: other data will do worse.",
+    "with the random targets, the spin-downs and the logs in view; the held-out targets were not looked at before.",
     "",
 ]
 
