@@ -137,7 +137,8 @@ def tuning_figure(table: pd.DataFrame) -> Figure:
         if chosen["equilibrium"] == option:
             x_chosen = chosen["lambda/mu"] if np.isfinite(chosen["lambda/mu"]) else 3e-8
             axes.scatter(x_chosen, chosen["error"], 140, marker="*", color="black", label="chosen", zorder=4)
-        axes.set(xscale="log", yscale="log", xlabel="regularisation weight / mu (left edge: cuts at a rank)")
+        axes.set(xscale="log", yscale="log")
+        axes.set_xlabel("regularisation weight / mu (left edge: cuts at a rank, default rule)")
         if len(options) > 1:
             axes.set_title("with the known rest" if option else "recording alone")
         axes.grid(alpha=0.3)

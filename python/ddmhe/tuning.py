@@ -2,7 +2,8 @@
 
 *Held-out quarters.* Each quarter of the recording is held out once; the estimator learns from the rest (as two
 recordings, no window across the seam) and estimates the quarter from its outputs, brought to the online noise. The
-score is the mean over the quarters of log(rms error / spread of the states).
+score is the mean over the quarters of log(rms error / spread of the states). Horizons beyond a quarter score alike: the
+window never fills.
 
 *Rehearsals.* Quarters lie inside of the recorded region, and the estimator is to leave it. So a quadratic surrogate
 of the recorded motion (`surrogate`) and some draws of others that fit as well are recorded and run on for five times
