@@ -108,6 +108,12 @@ def cases():
         yield detumbling("3-DOF, clean recording", nominal, 0, (0.001, 0.01, 0.05)[seed % 3], 200 + seed, False)
     for target, (sigma_x, sigma_y) in product(range(5), ((0, 0.01), (1e-4, 0.01), (5e-4, 0.05))):
         yield detumbling("3-DOF, random targets", random_target(target), sigma_x, sigma_y, 300 + target)
+    yield from spin_downs()
+    yield from pendulums()
+
+
+def spin_downs():
+    """Single-axis spin-downs: a linear brake, and the measured brake curve if its data are there."""
     for sigma_x, sigma_y, seed in product((0, 0.05), (2e-4, 2e-3), range(4)):
         yield spin_down("spin-down, linear brake", ddmhe.models.spin_down(), sigma_x, sigma_y, seed)
     curve = DATA / "eddy-brake" / "torque_vs_slip_speed.csv"
@@ -116,6 +122,10 @@ def cases():
         brake = ddmhe.models.spin_down(omega_0=60.0, inertia=0.6, torque_curve=measured)  # rising branch
         for seed, sigma in product(range(4), (0.05, 0.5)):
             yield spin_down("spin-down, measured brake curve", brake, 0.1, sigma, seed)
+
+
+def pendulums():
+    """The measured pendulum logs that are there."""
     for path in sorted((DATA / "repoimu-pendulum").glob("*.csv")):
         yield pendulum(path)
 

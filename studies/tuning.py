@@ -11,7 +11,6 @@ no rule can reach it.
 import os
 import sys
 import time
-from collections import defaultdict
 from itertools import product
 
 import numpy as np
@@ -20,8 +19,7 @@ from rich.progress import track
 from rich.table import Table
 
 import ddmhe
-from ddmhe.models import TorqueCurve
-from defaults import DATA, ROOT, detumbling, geometric, pendulum, random_target, spin_down
+from defaults import ROOT, detumbling, geometric, pendulums, random_target, rows, spin_downs
 
 REPORT = ROOT / "docs" / "tuning-study.md"
 
@@ -33,21 +31,12 @@ def cases():
     for group, targets in (("3-DOF, random targets", range(5)), ("3-DOF, held-out targets", range(20, 23))):
         for target, (sigma_x, sigma_y) in product(targets, noises):
             yield detumbling(group, random_target(target), sigma_x, sigma_y, 300 + target), rest
-    still = (np.zeros(1), np.zeros(1))
-    for sigma_x, sigma_y, seed in product((0, 0.05), (2e-4, 2e-3), range(4)):
-        yield spin_down("spin-down, linear brake", ddmhe.models.spin_down(), sigma_x, sigma_y, seed), still
-    curve = DATA / "eddy-brake" / "torque_vs_slip_speed.csv"
-    if curve.is_file():
-        brake = ddmhe.models.spin_down(omega_0=60.0, inertia=0.6, torque_curve=TorqueCurve.from_csv(curve))
-        for seed, sigma in product(range(4), (0.05, 0.5)):
-            yield spin_down("spin-down, measured brake curve", brake, 0.1, sigma, seed), still
-    for path in sorted((DATA / "repoimu-pendulum").glob("*.csv")):
-        yield pendulum(path), None
+    yield from ((case, (np.zeros(1), np.zeros(1))) for case in spin_downs())
+    yield from ((case, None) for case in pendulums())
 
 
 def judge(case, rest):
-    """Errors with the tuned settings and with the default rule, the best of the tuner's candidates, and the tuner's
-    time."""
+    """Errors with the tuned settings and with the default rule, the best of the candidates, and the tuner's time."""
     history = ddmhe.History(case.x, case.y)
 
     def run(settings):
@@ -81,15 +70,9 @@ def main():
     header = ["group", "cases", "error over", "setting", "median", "worst", "ratio to hindsight", "worst ratio"]
     lines = ["| " + " | ".join(header) + " |", "|" + " --- |" * len(header)]
     table = Table(*header, title="Tuning against hindsight")
-    groups = defaultdict(list)
-    for group, found, best in results:
-        for name, limit in best.items():
-            for setting, errors in found.items():
-                groups[group, name, setting].append((errors[name], limit))
-    for (group, name, setting), pairs in groups.items():
-        error, limit = np.array(pairs).T
-        cells = [group, str(len(pairs)), name, setting, f"{np.median(error):.3g}", f"{error.max():.3g}"]
-        cells += [f"{geometric(error / limit):.2f}", f"{(error / limit).max():.1f}"]
+    for group, count, name, setting, median, worst, _, ratio in rows(results):
+        cells = [group, str(count), name, setting, f"{median:.3g}", f"{worst:.3g}"]
+        cells += [f"{geometric(ratio):.2f}", f"{ratio.max():.1f}"]
         table.add_row(*cells)
         lines.append("| " + " | ".join(cells) + " |")
     console.print(table)
@@ -104,13 +87,11 @@ def main():
 PREFACE = [
     "# Tuning against hindsight",
     "",
-    "Printed by `make study-tuning` (studies/tuning.py). *tuned* is `DdMhe(h, **tune(h).settings)`, *defaults* is "
-    "`DdMhe(h)`. Errors:",
-    "3-DOF in deg/s (|ω| error, RMSE over the span), spin-down in rad/s with the rest known, measured pendulum "
-    "NRMSE. *Hindsight* is",
-    "the best of the tuner's own candidates, picked with the truth for each case and span by itself. The tuner's "
-    "constants were chosen",
-    "with the random targets, the spin-downs and the logs in view; the held-out targets were not looked at before.",
+    "Printed by `make study-tuning` (studies/tuning.py). *tuned* is `DdMhe(h, **tune(h).settings)`, *defaults* is",
+    "`DdMhe(h)`. Errors: 3-DOF in deg/s (|ω| error, RMSE over the span), spin-down in rad/s with the rest known,",
+    "measured pendulum NRMSE. *Hindsight* is the best of the tuner's own candidates, picked with the truth for each",
+    "case and span by itself. The tuner's constants were chosen with the random targets, the spin-downs and the logs",
+    "in view; the held-out targets were not looked at before.",
     "",
 ]
 

@@ -79,6 +79,7 @@ class Ridge:
     @property
     def normalised(self) -> bool: ...
 
+def minimum_horizon(rho: float) -> int: ...
 def validate(
     folds: Sequence[tuple[History, ArrayLike, ArrayLike, ArrayLike, Sequence[int]]],
     jobs: Sequence[tuple[int, dict[str, Any]]],

@@ -74,9 +74,6 @@ LOG_OPTIONS: list[Callable[[Any], Any]] = [
 ]
 
 
-LOG_NAMES = ("state", "output", "history", "time", "start", "decimate", "gaps")
-
-
 def log_options(command: Any) -> Any:
     """The log and how to read it: what every command that takes a log has."""
     for option in reversed(LOG_OPTIONS):
@@ -84,20 +81,12 @@ def log_options(command: Any) -> Any:
     return command
 
 
-def _read(
-    log: Path,
-    state: tuple[str, ...],
-    output: tuple[str, ...],
-    history: float,
-    time: str | None,
-    start: float | None,
-    decimate: int,
-    gaps: str,
-) -> tuple[Log, Split]:
-    """The samples of a log and their split after the history."""
-    samples = read_log(log, state, output, time, start, decimate)
-    samples = samples.fill_gaps() if gaps == "fill" else samples
-    return samples, samples.split(history)
+def _read(log: Path, given: dict[str, Any]) -> tuple[Log, Split]:
+    """The samples of a log and their split after the history; takes the options of `log_options` out of `given`."""
+    columns = [given.pop(name) for name in ("state", "output", "time", "start", "decimate")]
+    samples = read_log(log, *columns)
+    samples = samples.fill_gaps() if given.pop("gaps") == "fill" else samples
+    return samples, samples.split(given.pop("history"))
 
 
 @click.group(no_args_is_help=False, context_settings={"help_option_names": ["-h", "--help"]})
@@ -142,7 +131,7 @@ def estimate(log: Path, out: Path | None, plot: Path | None, config: Path | None
     Writes the time column and one column per state, and prints the errors where the log holds the states.
     """
     csv, figure = _targets(log, out, plot)
-    samples, split = _read(log, **{name: given.pop(name) for name in LOG_NAMES})
+    samples, split = _read(log, given)
     est = DdMhe(split.history, **_settings(config, given))
     estimates = est.run(split.Y)
     written = _write(csv, figure, samples, split, estimates.x)
@@ -170,7 +159,7 @@ def design(log: Path, out: Path, radius: float, eta: float | None, condition: fl
     from ddmhe import design as designs
     from ddmhe.plot import pole_figure
 
-    _, split = _read(log, **{name: given.pop(name) for name in LOG_NAMES})
+    _, split = _read(log, given)
     noise = None
     if any(given[f"noise_{name}"] != 0 for name in "xyw"):
         noise = designs.RecordingNoise(given["noise_x"], given["noise_y"], given["noise_w"], given["noise_kind"])
@@ -201,7 +190,7 @@ def tune(log: Path, out: Path, output_noise: float | None, rest: bool, **given: 
     from ddmhe.plot import tuning_figure
     from ddmhe.tuning import tune as tuned
 
-    _, split = _read(log, **given)
+    _, split = _read(log, given)
     h = split.history
     equilibrium = (np.zeros(h.n), np.zeros(h.p)) if rest else None
     found = tuned(h, output_noise=output_noise, equilibrium=equilibrium)

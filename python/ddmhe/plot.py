@@ -72,8 +72,7 @@ def estimate_figure(
 
 
 def pole_figure(model: AffineModel, placement: PolePlacement) -> Figure:
-    """Poles in the complex plane: of the identified A, of A_L as printed and of A + L C in the model, with the
-    region."""
+    """Poles in the complex plane: of the identified A, of A_L as printed and of A + L C in the model."""
     figure = Figure(figsize=(6.5, 6.5), layout="constrained")
     axes = figure.subplots()
     circle = np.exp(1j * np.linspace(0, 2 * np.pi, 400))
@@ -107,9 +106,12 @@ def _draw_region(axes: Axes, region: Region) -> None:
     axes.fill([], [], color="tab:orange", alpha=0.15, label=str(region))
 
 
+EDGE = 3e-8
+"""Where settings without a regularisation weight stand on the axis of weights."""
+
+
 def tuning_figure(table: pd.DataFrame) -> Figure:
-    """Held-out error over the regularisation weight, a curve for each horizon and μ; the choice and the default
-    marked."""
+    """Held-out error over the regularisation weight, a curve for each horizon and μ; choice and default marked."""
     options = sorted(set(table["equilibrium"]))
     figure = Figure(figsize=(5.5 * len(options) + 1.5, 5), layout="constrained")
     panels = np.atleast_1d(figure.subplots(1, len(options), sharey=True))
@@ -124,18 +126,16 @@ def tuning_figure(table: pd.DataFrame) -> Figure:
             curve = curve.sort_values("lambda/mu")
             color = _color(horizons.index(M))
             axes.plot(curve["lambda/mu"], curve["error"], styles[mu], color=color, label=f"M = {M}, mu = {mu:.3g}")
-        for level, label in ((part[part["space"] == "auto"]["error"], "default rule"),):
-            for value in level:
-                axes.axhline(value, color="0.5", linewidth=1, label=label)
+        (default,) = part[part["space"] == "auto"]["error"]
+        axes.axhline(default, color="0.5", linewidth=1, label="default rule")
         ranks = part[part["space"].str.startswith("Truncated")]
         for M, cut in ranks.groupby("horizon"):
-            x = np.full(len(cut), 3e-8)
-            axes.scatter(x, cut["error"], 18, color=_color(horizons.index(M)), marker="_")
+            axes.scatter(np.full(len(cut), EDGE), cut["error"], 18, color=_color(horizons.index(M)), marker="_")
         refused = ridge[~np.isfinite(ridge["rated"])]
         if len(refused):
             axes.scatter(refused["lambda/mu"], refused["error"], 24, marker="x", color="0.3", label="unstable: refused")
         if chosen["equilibrium"] == option:
-            x_chosen = chosen["lambda/mu"] if np.isfinite(chosen["lambda/mu"]) else 3e-8
+            x_chosen = chosen["lambda/mu"] if np.isfinite(chosen["lambda/mu"]) else EDGE
             axes.scatter(x_chosen, chosen["error"], 140, marker="*", color="black", label="chosen", zorder=4)
         axes.set(xscale="log", yscale="log")
         axes.set_xlabel("regularisation weight / mu (left edge: cuts at a rank, default rule)")

@@ -44,18 +44,17 @@ class Surrogate:
         self._size_x = float(np.sqrt(np.mean((x - self._x_0) ** 2)))
         self._size_y = float(np.sqrt(np.mean((y - self._y_0) ** 2))) or 1.0
         self._pairs = np.triu_indices(self._n)
-        noise_x, noise_y = noise_levels(History(x, y))
-        self.noise_x, self.noise_y = (float(np.sqrt(np.mean(noise**2))) for noise in (noise_x, noise_y))
+        self.noise_x, self.noise_y = (float(np.sqrt(np.mean(noise**2))) for noise in noise_levels(History(x, y)))
         """Standard deviations of the recording's noise, pooled over channels."""
         self._z, self._u = (x - self._x_0) / self._size_x, (y - self._y_0) / self._size_y
         self._reach = REACH * float(np.linalg.norm(self._z, axis=1).max())
         self._fit()
 
     def motion(self, rng: np.random.Generator | None, steps: int) -> tuple[Array, Array]:
-        """States (N+1, n) and outputs (N, p) from the recording's start, without noise; N = steps unless it goes
-        astray.
+        """States (N+1, n) and outputs (N, p) from the recording's start, without noise.
 
-        With `rng` for parameters drawn from those that fit, without for the best ones.
+        N = steps unless the motion goes astray. With `rng` for parameters drawn from those that fit, without for the
+        best ones.
         """
         parameters = self._best
         if rng is not None:
@@ -63,7 +62,7 @@ class Surrogate:
         z, theta, C = self._split(parameters[None])
         states = [z[0]]
         for _ in range(steps):
-            z = z + np.einsum("bm,bmn->bn", self._features(z), theta)
+            z = self._next(z, theta)
             if not np.linalg.norm(z) < self._reach:
                 break
             states.append(z[0])
@@ -72,10 +71,14 @@ class Surrogate:
 
     def _features(self, z: Array) -> Array:
         """([1], z, products of z) along the last axis."""
-        one = [] if self._rest else [np.ones((*z.shape[:-1], 1))]
-        return np.concatenate([*one, z, z[..., self._pairs[0]] * z[..., self._pairs[1]]], axis=-1)
+        return np.concatenate([self._outputs(z), z[..., self._pairs[0]] * z[..., self._pairs[1]]], axis=-1)
+
+    def _next(self, z: Array, theta: Array) -> Array:
+        """z(k+1) (B, n) from z(k) with Θ (B, m, n)."""
+        return np.asarray(z + np.einsum("bm,bmn->bn", self._features(z), theta))
 
     def _outputs(self, z: Array) -> Array:
+        """([1], z) along the last axis."""
         return z if self._rest else np.concatenate([np.ones((*z.shape[:-1], 1)), z], axis=-1)
 
     def _split(self, parameters: Array) -> tuple[Array, Array, Array]:
@@ -123,8 +126,8 @@ class Surrogate:
         path = np.empty((len(parameters), len(self._z), self._n))
         path[:, 0] = z
         for k in range(1, len(self._z)):
-            z = z + np.einsum("bm,bmn->bn", self._features(z), theta)
-            z = np.clip(z, -10 * self._reach, 10 * self._reach)  # a trial step of the optimiser must stay finite
+            # a trial step of the optimiser must stay finite
+            z = np.clip(self._next(z, theta), -10 * self._reach, 10 * self._reach)
             path[:, k] = z
         u = np.einsum("btq,bqp->btp", self._outputs(path[:, :-1]), C)
         parts = ((path - self._z) / self._weight_x, (u - self._u) / self._weight_y, theta / self._prior)

@@ -47,8 +47,7 @@ ORIGINS = (0.4, 0.55, 0.7)
 RHO = 0.95
 """Discount of every candidate: anything from 0.9 to 0.97 does."""
 HIDDEN = 1e-2
-"""A default λ/μ above this (a third of the variance unexplained) says that states are hidden: other settings are
-tried."""
+"""A default λ/μ above this (a third of the variance unexplained) means hidden states: other settings are tried."""
 HORIZONS = {False: (0.05, 0.1, 0.2), True: (0.13, 0.27, 0.4)}
 """Horizons to try as shares of T, without and with hidden states."""
 MU = {False: (0.03, 0.3), True: (0.1, 1.0)}
@@ -111,7 +110,7 @@ class Tuning:
 
 @dataclass
 class _Candidate:
-    """One setting, in units of the recording's spread."""
+    """One setting."""
 
     given: dict[str, Any]
     """Keywords of DdMhe; empty but for the options for the default rule."""
@@ -119,14 +118,17 @@ class _Candidate:
     mu: float
     weight: float | None = None
     """λ/μ; None for a rank or the default rule."""
-    rank: int | None = None
-    equilibrium: bool = False
     radius: float = math.inf
     scores: Array | None = None
     """log(rms/spread) of each quarter."""
     rehearsed: float = math.nan
     """Mean log(rms/spread) over rehearsals and spans, NaN without."""
     rated: float = math.inf
+
+    @property
+    def equilibrium(self) -> bool:
+        """Whether the known rest is part of it."""
+        return "equilibrium" in self.given
 
     @property
     def score(self) -> float:
@@ -216,17 +218,15 @@ def _candidates(
             options.append(rest)
     found = []
     for option in options:
-        with_rest = bool(option)
-        found.append(_Candidate(option, default.horizon, default.mu / unit, equilibrium=with_rest))
-        for M, mu in product(horizons, MU[hidden]):
-            given = option | {"horizon": M, "rho": RHO, "mu": mu * unit}
+        found.append(_Candidate(option, default.horizon, default.mu))
+        for M, level in product(horizons, MU[hidden]):
+            given = option | {"horizon": M, "rho": RHO, "mu": level * unit}
             for weight in LAMBDA:
-                space = Ridge(float(f"{weight * mu:.6g}"), normalised=True)
-                found.append(_Candidate(given | {"space": space}, M, mu, weight=weight, equilibrium=with_rest))
+                space = Ridge(float(f"{weight * level:.6g}"), normalised=True)
+                found.append(_Candidate(given | {"space": space}, M, level * unit, weight))
             if not hidden:
                 for rank in range(history.n, history.n + 3):
-                    cut = given | {"space": Truncated(rank)}
-                    found.append(_Candidate(cut, M, mu, rank=rank, equilibrium=with_rest))
+                    found.append(_Candidate(given | {"space": Truncated(rank)}, M, level * unit))
     return found, reference
 
 
@@ -336,12 +336,11 @@ def _bias(c: _Candidate, longest: int, reference: float) -> float:
     bias = BIAS["horizon"] * math.log2(longest / c.horizon) - BIAS["equilibrium"] * c.equilibrium
     if c.weight is not None:
         return bias + BIAS["lambda"] * abs(math.log10(c.weight / reference))
-    return bias + BIAS["rank"] * (c.rank is not None)
+    return bias + BIAS["rank"] * isinstance(c.given.get("space"), Truncated)
 
 
 def _warm_start(history: History, longest: int, best: _Candidate, extra: Array) -> bool:
-    """Whether a start with a full window does better where it can be used: right behind the first parts of the
-    recording."""
+    """Whether a start with a full window does better where it can be used: right behind parts of the recording."""
     x, y = history.recordings[longest]
     noisy = y + extra * np.random.default_rng(1).standard_normal(y.shape)
     folds = []
@@ -363,18 +362,17 @@ def _tuning(history: History, ranked: list[_Candidate], warm: bool, default: _Ca
     settings = {"horizon": est.horizon, "rho": est.rho, "mu": est.mu, "space": est.space, "warm_start": warm}
     if best.equilibrium:
         settings["equilibrium"] = best.given["equilibrium"]
-    return Tuning(settings, best.score, _table(history, ranked), _words(ranked, default), [c.given for c in ranked])
+    return Tuning(settings, best.score, _table(ranked), _words(ranked, default), [c.given for c in ranked])
 
 
-def _table(history: History, ranked: list[_Candidate]) -> pd.DataFrame:
-    unit = _unit(history)
+def _table(ranked: list[_Candidate]) -> pd.DataFrame:
     rows = []
     for c in ranked:
         quarters = {f"quarter {q + 1}": math.exp(v) for q, v in enumerate(c.scores if c.scores is not None else [])}
         rows.append(
             {
                 "horizon": c.horizon,
-                "mu": c.mu * unit,
+                "mu": c.mu,
                 "space": str(c.given.get("space", "auto")),
                 "lambda/mu": math.nan if c.weight is None else c.weight,
                 "equilibrium": c.equilibrium,
@@ -398,20 +396,17 @@ def _words(ranked: list[_Candidate], default: _Candidate) -> str:
     against = math.exp(best.score - default.score) if math.isfinite(default.score) else 0.0
     parts = [
         f"On held-out quarters of the recording the error is {math.exp(best.score):.3g} of the states' spread, "
-        f"{against:.2g} times the "
-        f"default rule's. The quarters differ by a factor of {factor:.2g}, and {rivals} of {len(ranked)} settings "
-        f"are within "
-        "one standard error: the choice among them is not certain.",
+        f"{against:.2g} times the default rule's. The quarters differ by a factor of {factor:.2g}, and {rivals} of "
+        f"{len(ranked)} settings are within one standard error: the choice among them is not certain."
     ]
     if best.score > -0.3:
         parts.append("That is little better than the mean of the states: the outputs hardly tell the states apart.")
     if math.isfinite(best.rehearsed):
         parts.append(
             f"On {DRAWS} rehearsals of a quadratic surrogate, up to {max(SPANS)} times as long as the recording, the "
-            f"error is "
-            f"{math.exp(best.rehearsed):.3g} of the spread ({math.exp(best.rehearsed - default.rehearsed):.2g} times "
-            f"the default "
-            "rule's): trust it as far as the motion stays smooth and second-order."
+            f"error is {math.exp(best.rehearsed):.3g} of the spread "
+            f"({math.exp(best.rehearsed - default.rehearsed):.2g} times the default rule's): trust it as far as the "
+            "motion stays smooth and second-order."
         )
     else:
         parts.append("Nothing here tests motion outside of the recorded region.")

@@ -19,6 +19,18 @@ fn certificate() -> Certificate {
     Certificate { P: vec![1.0], Q: vec![2.0], R: vec![0.28], eta: 0.5, growth: Some(0.9), model: None }
 }
 
+/// An estimator over exact trajectories whose steps carry a bound.
+fn bounded(x_prior: f64, certificate: Certificate, disturbance: Disturbance) -> DdMhe {
+    let config = Config {
+        x_prior: Some(vec![x_prior]),
+        space: Space::Exact,
+        certificate: Some(certificate),
+        disturbance: Some(disturbance),
+        ..Config::default()
+    };
+    DdMhe::new(&history(), config).expect("a valid configuration")
+}
+
 #[test]
 fn the_smallest_horizon_makes_four_eta_to_the_m_less_than_one() {
     assert_eq!(certificate().minimum_horizon(), 3); // 4 · 0.5² = 1 is not enough
@@ -28,15 +40,7 @@ fn the_smallest_horizon_makes_four_eta_to_the_m_less_than_one() {
 
 #[test]
 fn errors_stay_below_the_bound_also_through_lost_outputs() {
-    let disturbance = Disturbance { initial: 1.0, w: 0.1, v: 0.2 };
-    let config = Config {
-        x_prior: Some(vec![6.0]),
-        space: Space::Exact,
-        certificate: Some(certificate()),
-        disturbance: Some(disturbance),
-        ..Config::default()
-    };
-    let mut mhe = DdMhe::new(&history(), config).expect("a valid configuration");
+    let mut mhe = bounded(6.0, certificate(), Disturbance { initial: 1.0, w: 0.1, v: 0.2 });
     let (truth, outputs) = recorded(5.0, 40, 0.1);
     for (t, y) in outputs.iter().enumerate() {
         let y = if (10..13).contains(&t) { f64::NAN } else { y + 0.2 * if t % 3 == 0 { 1.0 } else { -1.0 } };
@@ -50,14 +54,8 @@ fn errors_stay_below_the_bound_also_through_lost_outputs() {
 #[test]
 fn a_constant_output_error_is_in_the_bound() {
     // It can be fitted without any residual, so that nothing but the stated size tells of it.
-    let config = Config {
-        x_prior: Some(vec![5.1]),
-        space: Space::Exact,
-        certificate: Some(Certificate { growth: None, ..certificate() }),
-        disturbance: Some(Disturbance { initial: 0.1, w: 0.0, v: 0.2 }),
-        ..Config::default()
-    };
-    let mut mhe = DdMhe::new(&history(), config).expect("a valid configuration");
+    let blind = Certificate { growth: None, ..certificate() };
+    let mut mhe = bounded(5.1, blind, Disturbance { initial: 0.1, w: 0.0, v: 0.2 });
     let (truth, outputs) = recorded(5.0, 40, 0.0);
     for (t, y) in outputs.iter().enumerate() {
         let estimate = mhe.step(&[y + 0.2]).expect("a valid output");
@@ -68,14 +66,9 @@ fn a_constant_output_error_is_in_the_bound() {
 
 #[test]
 fn without_growth_a_lost_output_leaves_no_bound_until_it_has_left_the_window() {
-    let config = Config {
-        horizon: Some(3),
-        space: Space::Exact,
-        certificate: Some(Certificate { growth: None, ..certificate() }),
-        disturbance: Some(Disturbance { initial: 1.0, w: 0.0, v: 0.0 }),
-        ..Config::default()
-    };
-    let mut mhe = DdMhe::new(&history(), config).expect("a valid configuration");
+    let blind = Certificate { growth: None, ..certificate() };
+    let last_recorded = history().last_state()[0];
+    let mut mhe = bounded(last_recorded, blind, Disturbance { initial: 1.0, w: 0.0, v: 0.0 });
     let (_, outputs) = recorded(5.0, 4, 0.0);
     assert!(mhe.step(&outputs[..1]).expect("a step").bound.is_some_and(f64::is_finite));
     assert_eq!(mhe.step(&[f64::NAN]).expect("a step").bound, Some(f64::INFINITY));

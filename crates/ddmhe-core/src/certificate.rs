@@ -92,16 +92,7 @@ pub struct Disturbance {
 impl Certificate {
     /// Smallest M with 4η^M < 1.
     pub fn minimum_horizon(&self) -> usize {
-        // Rounding of the logarithm is mended by looking at both neighbours.
-        let estimate = (0.25_f64.ln() / self.eta.ln()).floor().max(1.0);
-        let mut M = if estimate < 1e9 { estimate as usize } else { return usize::MAX };
-        while M > 1 && contracts(self.eta, M - 1) {
-            M -= 1;
-        }
-        while !contracts(self.eta, M) {
-            M += 1;
-        }
-        M
+        smallest_contracting(self.eta)
     }
 
     /// Sizes, finite numbers, symmetry, definiteness, η.
@@ -144,8 +135,28 @@ impl Disturbance {
     }
 }
 
-fn contracts(eta: f64, M: usize) -> bool {
-    4.0 * eta.powf(M as f64) < 1.0
+/// Smallest M with 4ρ^M < 1 (Liu 2026, (33)).
+///
+/// # Errors
+/// [`Error::Value`] unless ρ is in (0, 1).
+pub fn minimum_horizon(rho: f64) -> Result<usize, Error> {
+    if !(rho > 0.0 && rho < 1.0) {
+        return Err(Error::value("rho", "a number in (0, 1)", rho));
+    }
+    Ok(smallest_contracting(rho))
+}
+
+/// [`minimum_horizon`] of a checked ρ. Rounding of the logarithm is mended by looking at both neighbours.
+fn smallest_contracting(rho: f64) -> usize {
+    let contracts = |M: usize| 4.0 * rho.powf(M as f64) < 1.0;
+    let mut M = (0.25_f64.ln() / rho.ln()).floor().max(1.0) as usize;
+    while M > 1 && contracts(M - 1) {
+        M -= 1;
+    }
+    while !contracts(M) {
+        M += 1;
+    }
+    M
 }
 
 fn check_factor(name: &str, value: f64) -> Result<(), Error> {

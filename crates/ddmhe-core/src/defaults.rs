@@ -17,6 +17,8 @@
 //! unstable (spectral radius above [`tol::SPECTRAL_RADIUS`](crate::tol::SPECTRAL_RADIUS)), the weight is raised tenfold
 //! until it is not. `make study-defaults` measures the rule against the best settings in hindsight.
 
+use crate::config::Config;
+use crate::error::Error;
 use crate::history::History;
 use crate::space::{self, Penalty, Scaling, Selection};
 use faer::Mat;
@@ -70,6 +72,21 @@ impl Defaults {
         let complete = HORIZON.0 as f64;
         let horizon = (complete + misfit * (hidden - complete)).round().max(1.0) as usize;
         Defaults { horizon: horizon.min(longest(2 * history.n() + 1)), rho: RHO, mu: MU, misfit, noisy }
+    }
+
+    /// The horizon asked for, or the rule's; with a certificate at least as long as its contraction 4η^M < 1 asks.
+    pub fn horizon_for(&self, config: &Config) -> Result<usize, Error> {
+        let Some(c) = &config.certificate else { return Ok(config.horizon.unwrap_or(self.horizon)) };
+        let needed = c.minimum_horizon();
+        match config.horizon {
+            Some(M) if M < needed => {
+                let expected =
+                    format!("at least {needed}, the smallest M with 4 eta^M < 1 for the certificate's eta = {}", c.eta);
+                Err(Error::value("horizon", expected, M))
+            }
+            Some(M) => Ok(M),
+            None => Ok(self.horizon.max(needed)),
+        }
     }
 
     /// The space `auto` for the noise weight `mu` in force.

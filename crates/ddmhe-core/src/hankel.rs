@@ -1,5 +1,6 @@
 //! Block Hankel matrices (Definition 1) and the rank condition (7).
 
+use crate::error::Error;
 use crate::history::History;
 use crate::tol;
 use faer::Mat;
@@ -83,4 +84,35 @@ impl RankReport {
     pub fn satisfied(&self) -> bool {
         self.rank == self.required
     }
+}
+
+/// Length and rank condition of Lemma 1: T ≥ M + n and (7).
+pub(crate) fn check_excitation(history: &History, horizon: usize) -> Result<(), Error> {
+    let n = history.n();
+    if history.windows(horizon) < n + 1 {
+        let longest = (1..=history.T()).rev().find(|&m| history.windows(m) > n);
+        return Err(match longest {
+            Some(m) => Error::value(
+                "horizon",
+                format!(
+                    "1 to {m}: a recording of T = {} outputs and n = {n} states has n + 1 windows of that length",
+                    history.T()
+                ),
+                horizon,
+            ),
+            None => Error::rank("history", format!("at least n + 1 = {} outputs", n + 1), history.T()),
+        });
+    }
+    let report = history.rank(horizon)?;
+    if !report.satisfied() {
+        return Err(Error::rank(
+            "history",
+            format!("states that span rank n + 1 = {} with the ones row (7)", report.required),
+            format!(
+                "rank {}: some combination of the states never changes; record a richer motion or drop a state",
+                report.rank
+            ),
+        ));
+    }
+    Ok(())
 }

@@ -62,7 +62,7 @@ pub mod validation;
 mod weights;
 mod window;
 
-pub use certificate::{Certificate, Disturbance, Model, Uncertainty};
+pub use certificate::{Certificate, Disturbance, Model, Uncertainty, minimum_horizon};
 pub use config::{Bounds, Center, Config, Settings};
 pub use error::Error;
 pub use estimate::{Estimate, Log};

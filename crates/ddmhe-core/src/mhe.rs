@@ -11,6 +11,7 @@ use crate::config::{
 use crate::defaults::Defaults;
 use crate::error::Error;
 use crate::estimate::{Estimate, Log};
+use crate::hankel::check_excitation;
 use crate::history::{History, check_finite};
 use crate::space::{Penalty, Scaling, Selection, Space, WindowStack};
 use crate::tol;
@@ -46,8 +47,8 @@ impl DdMhe {
         let rest = config.equilibrium.as_ref().map(|(x, y)| (&x[..], &y[..]));
         let rule = Defaults::new(history, &scaling, rest);
         let unit = (scaling.s_y / scaling.s_x).powi(2); // μ in scaled units is μ·unit
-        let weights = weigh(history, &config, &rule, unit)?;
-        let horizon = horizon(&config, &rule)?;
+        let weights = Weights::new(&config, &rule, unit, history.n(), history.p())?;
+        let horizon = rule.horizon_for(&config)?;
         check_excitation(history, horizon)?;
 
         let equilibrium_used = rest.is_some() && rule.noisy;
@@ -286,7 +287,7 @@ impl DdMhe {
         let box_x = x_bounds.or(self.config.x_bounds.as_ref());
         let center = box_x.and_then(|_| problem.centre(&f[n..]));
         let (lo, hi) =
-            limits(problem.rows, &self.scaling, box_x, center.as_deref(), self.config.v_bounds.as_ref(), &self.outputs);
+            problem.rows.limits(&self.scaling, box_x, center.as_deref(), self.config.v_bounds.as_ref(), &self.outputs);
         let solution = problem.solve(&f, &lo, &hi);
 
         let (s_x, s_y) = (self.scaling.s_x, self.scaling.s_y);
@@ -361,65 +362,6 @@ fn select(space: &Space, rule: &Defaults, mu: f64, n: usize) -> Selection {
     }
 }
 
-/// Bounds on every row of the window, in scaled units.
-fn limits(
-    rows: Rows,
-    scaling: &Scaling,
-    x: Option<&Bounds>,
-    center: Option<&[f64]>,
-    v: Option<&Bounds>,
-    outputs: &[f64],
-) -> (Vec<f64>, Vec<f64>) {
-    let mut lo = vec![f64::NEG_INFINITY; rows.len()];
-    let mut hi = vec![f64::INFINITY; rows.len()];
-    if let Some(bounds) = x {
-        let len = bounds.lo.len();
-        for (k, row) in (0..=rows.depth).flat_map(|k| rows.x(k)).enumerate() {
-            let offset = center.map_or(0.0, |c| c[row]);
-            lo[row] = offset + bounds.lo[k % len] / scaling.s_x;
-            hi[row] = offset + bounds.hi[k % len] / scaling.s_x;
-        }
-    }
-    if let Some(bounds) = v {
-        // v = y - ŷ in [lo, hi]  ⇔  ŷ in [y - hi, y - lo]
-        let measured =
-            (0..rows.depth).flat_map(|k| rows.y(k)).zip(outputs).enumerate().filter(|(_, (_, y))| y.is_finite());
-        for (k, (row, y)) in measured {
-            lo[row] = y - bounds.hi[k % rows.p] / scaling.s_y;
-            hi[row] = y - bounds.lo[k % rows.p] / scaling.s_y;
-        }
-    }
-    (lo, hi)
-}
-
-/// The weights of (17): a certificate's, or scalar ones.
-fn weigh(history: &History, config: &Config, rule: &Defaults, unit: f64) -> Result<Weights, Error> {
-    let (n, p) = (history.n(), history.p());
-    match &config.certificate {
-        Some(c) => Weights::certified(c, unit, n, p)
-            .ok_or_else(|| Error::value("certificate", "positive definite P and R", "others")),
-        None => {
-            let mu = config.mu.map_or(rule.mu, |mu| mu * unit);
-            Ok(Weights::scalar(config.rho.unwrap_or(rule.rho), mu, n, p))
-        }
-    }
-}
-
-/// The horizon asked for, or the rule's; with a certificate at least as long as its contraction 4η^M < 1 asks.
-fn horizon(config: &Config, rule: &Defaults) -> Result<usize, Error> {
-    let Some(c) = &config.certificate else { return Ok(config.horizon.unwrap_or(rule.horizon)) };
-    let needed = c.minimum_horizon();
-    match config.horizon {
-        Some(M) if M < needed => {
-            let expected =
-                format!("at least {needed}, the smallest M with 4 eta^M < 1 for the certificate's eta = {}", c.eta);
-            Err(Error::value("horizon", expected, M))
-        }
-        Some(M) => Ok(M),
-        None => Ok(rule.horizon.max(needed)),
-    }
-}
-
 fn spectral_radius(problem: &WindowProblem) -> f64 {
     // An eigenvalue iteration that fails (never seen on finite data) must not pass as stable.
     problem
@@ -439,35 +381,4 @@ fn factorisation(_: faer::linalg::solvers::SvdError) -> Error {
         "data whose singular values can be computed",
         "data on which the decomposition does not converge",
     )
-}
-
-/// Length and rank condition of Lemma 1: T ≥ M + n and (7).
-fn check_excitation(history: &History, horizon: usize) -> Result<(), Error> {
-    let n = history.n();
-    if history.windows(horizon) < n + 1 {
-        let longest = (1..=history.T()).rev().find(|&m| history.windows(m) > n);
-        return Err(match longest {
-            Some(m) => Error::value(
-                "horizon",
-                format!(
-                    "1 to {m}: a recording of T = {} outputs and n = {n} states has n + 1 windows of that length",
-                    history.T()
-                ),
-                horizon,
-            ),
-            None => Error::rank("history", format!("at least n + 1 = {} outputs", n + 1), history.T()),
-        });
-    }
-    let report = history.rank(horizon)?;
-    if !report.satisfied() {
-        return Err(Error::rank(
-            "history",
-            format!("states that span rank n + 1 = {} with the ones row (7)", report.required),
-            format!(
-                "rank {}: some combination of the states never changes; record a richer motion or drop a state",
-                report.rank
-            ),
-        ));
-    }
-    Ok(())
 }

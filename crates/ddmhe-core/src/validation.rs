@@ -53,7 +53,6 @@ impl Fold {
 
     fn score(&self, config: &Config) -> Option<Score> {
         let mut config = config.clone();
-        // A warm start that fills the window takes its prior from the recording, whatever x_prior says.
         config.x_prior = Some(self.x_prior.clone());
         let mut mhe = DdMhe::new(&self.history, config).ok()?;
         let spectral_radius = mhe.spectral_radius();

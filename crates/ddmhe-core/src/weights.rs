@@ -1,6 +1,9 @@
 //! The weights of the cost (17), scalar or of a certificate, in scaled units.
 
 use crate::certificate::{Certificate, factor, norm};
+use crate::config::Config;
+use crate::defaults::Defaults;
+use crate::error::Error;
 use faer::linalg::solvers::DenseSolveCore;
 use faer::{Mat, Side};
 use std::borrow::Cow;
@@ -15,14 +18,26 @@ pub(crate) struct Weights {
 }
 
 impl Weights {
+    /// A certificate's weights, or scalar ones; `unit` is s_y² / s_x².
+    pub fn new(config: &Config, rule: &Defaults, unit: f64, n: usize, p: usize) -> Result<Self, Error> {
+        match &config.certificate {
+            Some(c) => Weights::certified(c, unit, n, p)
+                .ok_or_else(|| Error::value("certificate", "positive definite P and R", "others")),
+            None => {
+                let mu = config.mu.map_or(rule.mu, |mu| mu * unit);
+                Ok(Weights::scalar(config.rho.unwrap_or(rule.rho), mu, n, p))
+            }
+        }
+    }
+
     /// P = I, R = μI: (17) as printed.
-    pub fn scalar(rho: f64, mu: f64, n: usize, p: usize) -> Self {
+    fn scalar(rho: f64, mu: f64, n: usize, p: usize) -> Self {
         let diagonal = |size: usize, value: f64| Mat::from_fn(size, size, |i, j| if i == j { value } else { 0.0 });
         Weights { rho, prior: diagonal(n, 1.0), noise: diagonal(p, mu.sqrt()), R: diagonal(p, mu) }
     }
 
     /// A certificate's P and R; `unit` is s_y² / s_x². None unless both are positive definite.
-    pub fn certified(certificate: &Certificate, unit: f64, n: usize, p: usize) -> Option<Self> {
+    fn certified(certificate: &Certificate, unit: f64, n: usize, p: usize) -> Option<Self> {
         let R = Mat::from_fn(p, p, |i, j| certificate.R[i * p + j] * unit);
         let noise = factor(&certificate.R, p)? * faer::Scale(unit.sqrt());
         Some(Weights { rho: certificate.eta, prior: factor(&certificate.P, n)?, noise, R })

@@ -10,8 +10,9 @@
 //! When it satisfies every bound it is the answer. Otherwise t = R (b - b*) turns the rest into the
 //! least-distance problem of [`qp`] with A = B R⁻¹.
 
+use crate::config::Bounds;
 use crate::qp::{LeastDistance, Status};
-use crate::space::TrajectorySpace;
+use crate::space::{Scaling, TrajectorySpace};
 use crate::tol;
 use crate::weights::Weights;
 use faer::linalg::solvers::SvdError;
@@ -44,6 +45,38 @@ impl Rows {
     /// Number of rows d.
     pub fn len(self) -> usize {
         self.depth * (self.n + self.p) + self.n
+    }
+
+    /// Bounds on every row of the window, in scaled units, from boxes on the states (about `center`, if any) and on the noise of
+    /// the scaled `outputs`.
+    pub fn limits(
+        self,
+        scaling: &Scaling,
+        x: Option<&Bounds>,
+        center: Option<&[f64]>,
+        v: Option<&Bounds>,
+        outputs: &[f64],
+    ) -> (Vec<f64>, Vec<f64>) {
+        let mut lo = vec![f64::NEG_INFINITY; self.len()];
+        let mut hi = vec![f64::INFINITY; self.len()];
+        if let Some(bounds) = x {
+            let len = bounds.lo.len();
+            for (k, row) in (0..=self.depth).flat_map(|k| self.x(k)).enumerate() {
+                let offset = center.map_or(0.0, |c| c[row]);
+                lo[row] = offset + bounds.lo[k % len] / scaling.s_x;
+                hi[row] = offset + bounds.hi[k % len] / scaling.s_x;
+            }
+        }
+        if let Some(bounds) = v {
+            // v = y - ŷ in [lo, hi]  ⇔  ŷ in [y - hi, y - lo]
+            let measured =
+                (0..self.depth).flat_map(|k| self.y(k)).zip(outputs).enumerate().filter(|(_, (_, y))| y.is_finite());
+            for (k, (row, y)) in measured {
+                lo[row] = y - bounds.hi[k % self.p] / scaling.s_y;
+                hi[row] = y - bounds.lo[k % self.p] / scaling.s_y;
+            }
+        }
+        (lo, hi)
     }
 }
 

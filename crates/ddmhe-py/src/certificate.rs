@@ -1,6 +1,6 @@
 //! Certificates and disturbance sizes from Python: any object with the attributes of `ddmhe.design.Certificate`.
 
-use crate::convert::{DdmheError, Numbers, ShapeError};
+use crate::convert::{DdmheError, Numbers, ShapeError, raise};
 use ddmhe_core::{Certificate, Disturbance, Model, Uncertainty};
 use pyo3::prelude::*;
 
@@ -50,6 +50,12 @@ fn matrix(value: &Bound<'_, PyAny>, rows: usize, columns: usize) -> PyResult<Vec
         return Err(ShapeError::new_err(format!("{ARGUMENT}: expected a matrix {shape}, found ({r}, {c})")));
     }
     Ok(data)
+}
+
+/// Smallest M with 4 rho**M < 1 (Liu et al. 2026, (33)); DdmheError unless rho is in (0, 1).
+#[pyfunction]
+pub fn minimum_horizon(rho: f64) -> PyResult<usize> {
+    ddmhe_core::minimum_horizon(rho).map_err(raise)
 }
 
 /// (initial, w, v).

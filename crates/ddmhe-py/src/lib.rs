@@ -13,6 +13,8 @@ use pyo3::prelude::*;
 #[pymodule]
 mod _core {
     #[pymodule_export]
+    use crate::certificate::minimum_horizon;
+    #[pymodule_export]
     use crate::convert::{DdmheError, InfeasibleError, ModelViolationError, NotFiniteError, RankError, ShapeError};
     #[pymodule_export]
     use crate::history::{History, RankReport};

@@ -3,8 +3,8 @@
 use crate::convert::{DdmheError, Numbers, raise, whole};
 use crate::mhe::{cast_history, rest};
 use crate::spaces;
+use ddmhe_core::Config;
 use ddmhe_core::validation::{self, Fold, Score};
-use ddmhe_core::{Config, Space};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
@@ -50,7 +50,7 @@ fn config(given: &Bound<'_, PyDict>, n: usize, p: usize) -> PyResult<Config> {
             "mu" => config.mu = Some(value.extract()?),
             "equilibrium" => config.equilibrium = Some(rest(&value, n, p)?),
             "warm_start" => config.warm_start = value.extract()?,
-            "space" => config.space = if value.is_none() { Space::Auto } else { spaces::space(&value)? },
+            "space" => config.space = spaces::space(&value)?,
             other => return Err(DdmheError::new_err(format!("jobs: expected a setting of DdMhe, found {other}"))),
         }
     }

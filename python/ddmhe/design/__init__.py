@@ -5,7 +5,8 @@ certificate that exists for every observable system, and with a stated noise one
 allows.
 """
 
-from ddmhe.design.certificate import Certificate, Uncertainty, ioss, minimum_horizon, scalar_certificate
+from ddmhe._core import minimum_horizon
+from ddmhe.design.certificate import Certificate, Uncertainty, ioss, scalar_certificate
 from ddmhe.design.model import AffineModel, identify
 from ddmhe.design.poles import PolePlacement, pole_placement
 from ddmhe.design.regions import Cone, Disc, HalfPlane

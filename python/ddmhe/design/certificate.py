@@ -19,14 +19,22 @@ import scipy.linalg
 from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import minimize_scalar
 
-from ddmhe._core import DdmheError, History, InfeasibleError, NotFiniteError, ShapeError
-from ddmhe.design.dissipation import best_gains, dissipation, extremes, largest_eigenvalue, root
+from ddmhe._core import DdmheError, History, InfeasibleError, ShapeError, minimum_horizon
+from ddmhe.design.arguments import recording_or_system, system
+from ddmhe.design.dissipation import (
+    best_gains,
+    condition_number,
+    dissipation,
+    extremes,
+    largest_eigenvalue,
+    root,
+)
 from ddmhe.design.model import identify, unobservable_modes
 from ddmhe.design.uncertainty import ConsistentSet, RecordingNoise, consistent_set
 
 Array = NDArray[np.float64]
 
-__all__ = ["Certificate", "Uncertainty", "ioss", "minimum_horizon", "scalar_certificate"]
+__all__ = ["Certificate", "Uncertainty", "ioss", "scalar_certificate"]
 
 ETA = 0.95
 """Discount that is designed for when neither `eta` nor `condition` is given."""
@@ -72,8 +80,7 @@ class Certificate:
     @property
     def condition(self) -> float:
         """Cond P: the squared ratio of the longest and the shortest axis of ‖d‖_P = 1."""
-        values = np.linalg.eigvalsh(self.P)
-        return float(values[-1] / values[0])
+        return condition_number(self.P)
 
     @property
     def horizon(self) -> int:
@@ -82,7 +89,7 @@ class Certificate:
 
     def verify(self, A: ArrayLike, C: ArrayLike) -> float:
         """Largest eigenvalue of (L) for a system (A, C): it satisfies the inequality when this is at most 0."""
-        A, C = _system(A, C)
+        A, C = system(A, C)
         _matching(self.P, A, self.R, C)
         return largest_eigenvalue(dissipation(A, C, self.P, self.Q, self.R, self.eta))
 
@@ -104,13 +111,13 @@ class Certificate:
         for name, count in (("steps", steps), ("horizon", horizon)):
             if count < 1:
                 raise DdmheError(f"{name}: expected at least 1, found {count}")
-        root = {name: math.sqrt(extremes(M)[1]) for name, M in (("P", self.P), ("Q", self.Q), ("R", self.R))}
+        largest_P, largest_Q, largest_R = (math.sqrt(extremes(M)[1]) for M in (self.P, self.Q, self.R))
+        V, W = largest_R * v, largest_Q * w
         drift = np.concatenate([[0.0], np.cumsum(self._gains(min(horizon, steps)))]) * w
-        weighted = [root["P"] * initial]
+        weighted = [largest_P * initial]
         for t in range(1, steps + 1):
             m = min(t, horizon)
             discount = self.eta ** np.arange(m - 1, -1, -1.0)
-            V, W = root["R"] * v, root["Q"] * w
             candidate = float(discount @ (V + drift[:m]) ** 2)
             total = float(discount.sum())
             weighted.append(_least_bound(self.eta**m * weighted[t - m] ** 2, candidate, total * V**2, total * W**2))
@@ -140,38 +147,25 @@ class Certificate:
     @property
     def words(self) -> str:
         """What is certified, for which systems, and what it asks of the estimator."""
-        scope = (
-            "the one system (A, C) that was given or identified, and no other that a noisy recording allows (state "
-            "its noise "
-            "for that)"
-        )
-        if self.uncertainty is not None:
-            scope = "every system consistent with the recording that it was made from"
         if self.noise is not None:
-            chance = f", with probability {self.noise.confidence:g}," if self.noise.kind == "gaussian" else ""
+            noise = self.noise
+            chance = f", with probability {noise.confidence:g}," if noise.kind == "gaussian" else ""
             scope = (
-                f"every system that the recording allows{chance} with {self.noise.kind} noise of {self.noise.x:g} on "
-                f"the "
-                f"states, {self.noise.y:g} on the outputs and {self.noise.w:g} on the motion"
+                f"every system that the recording allows{chance} with {noise.kind} noise of {noise.x:g} on the states, "
+                f"{noise.y:g} on the outputs and {noise.w:g} on the motion"
+            )
+        elif self.uncertainty is not None:
+            scope = "every system consistent with the recording that it was made from"
+        else:
+            scope = (
+                "the one system (A, C) that was given or identified, and no other that a noisy recording allows (state "
+                "its noise for that)"
             )
         return (
             f"Certified for {scope}: discount {self.eta:.6g} per sample, cond P = {self.condition:.4g}, largest "
-            f"eigenvalue "
-            f"of the inequality {self.residual:.3g}. Estimation errors shrink with a horizon of at least "
+            f"eigenvalue of the inequality {self.residual:.3g}. Estimation errors shrink with a horizon of at least "
             f"{self.horizon}."
         )
-
-
-def minimum_horizon(rho: float) -> int:
-    """Smallest M with 4 ρ^M < 1 (Liu et al. 2026, (33))."""
-    if not 0 < rho < 1:
-        raise DdmheError(f"rho: expected a number in (0, 1), found {rho}")
-    M = max(1, math.floor(math.log(0.25) / math.log(rho)))
-    while M > 1 and 4 * rho ** (M - 1) < 1:
-        M -= 1
-    while 4 * rho**M >= 1:
-        M += 1
-    return M
 
 
 def ioss(
@@ -214,17 +208,17 @@ def ioss(
     """
     _check_number("eta", eta, lambda v: 0 < v < 1, "a number in (0, 1)")
     _check_number("condition", condition, lambda v: v > 1, "a number above 1")
-    system = _resolve(history, A, C, noise)
+    allowed = _resolve(history, A, C, noise)
     if gains is None:
-        gains = (1.0, max(float(np.linalg.norm(system.C, 2)), 1e-300))
+        gains = (1.0, max(float(np.linalg.norm(allowed.C, 2)), 1e-300))
     if len(gains) != 2 or not all(math.isfinite(g) and g > 0 for g in gains):
         raise DdmheError(f"gains: expected two positive numbers (w, v), found {gains}")
     if eta is None:
-        eta = ETA if condition is None else _smallest_eta(system, condition)
-    found = best_gains(system, eta, condition, gains)
+        eta = ETA if condition is None else _smallest_eta(allowed, condition)
+    found = best_gains(allowed, eta, condition, gains)
     if found is None:
-        raise InfeasibleError(_why_not(system, eta, condition, noise))
-    return _certificate(system, *found, eta=eta, noise=noise, offsets=history is not None)
+        raise InfeasibleError(_why_not(allowed, eta, condition, gains, noise))
+    return _certificate(allowed, *found, eta=eta, noise=noise, offsets=history is not None)
 
 
 def scalar_certificate(A: ArrayLike, C: ArrayLike, gain: ArrayLike, rho: float, mu: float) -> Certificate:
@@ -232,7 +226,7 @@ def scalar_certificate(A: ArrayLike, C: ArrayLike, gain: ArrayLike, rho: float, 
 
     ‖A_L d - w + L(v - v̂)‖² ≤ 3‖A_L d‖² + 3‖w‖² + 3‖L(v - v̂)‖² with 6‖A_L‖² ≤ ρ, 6‖L‖² ≤ μ gives (L).
     """
-    A, C = _system(A, C)
+    A, C = system(A, C)
     L = np.asarray(gain, dtype=np.float64)
     if L.shape != C.T.shape:
         raise ShapeError(f"gain: expected shape {C.T.shape}, found {L.shape}")
@@ -255,37 +249,19 @@ def _resolve(
     history: History | None, A: ArrayLike | None, C: ArrayLike | None, noise: RecordingNoise | None
 ) -> ConsistentSet:
     """The set of systems to certify; a single one has a root without columns."""
-    if (history is None) == (A is None and C is None):
-        raise DdmheError("history: expected either a recording or A and C, found both or neither")
-    if history is not None:
-        if not isinstance(history, History):
-            raise DdmheError(f"history: expected a History, found {type(history).__name__}")
+    given = recording_or_system(history, A, C)
+    if isinstance(given, History):
         if noise is not None:
-            return consistent_set(history, noise)
-        model = identify(history)
+            return consistent_set(given, noise)
+        model = identify(given)
         A_, e, C_, r = model.A, model.e, model.C, model.r
     else:
-        if A is None or C is None:
-            raise DdmheError("A, C: expected both, found only one")
         if noise is not None:
             raise DdmheError("noise: expected a recording that it belongs to, found A and C")
-        A_, C_ = _system(A, C)
+        A_, C_ = given
         e, r = np.zeros(len(A_)), np.zeros(len(C_))
     n, p = len(A_), len(C_)
     return ConsistentSet(A_, e, C_, r, root=np.zeros((n + p, 0)), metric=np.zeros((n + 1, n + 1)))
-
-
-def _system(A: ArrayLike, C: ArrayLike) -> tuple[Array, Array]:
-    """A (n, n) and C (p, n), checked."""
-    A_, C_ = np.asarray(A, dtype=np.float64), np.asarray(C, dtype=np.float64)
-    if A_.ndim != 2 or A_.shape[0] != A_.shape[1] or not A_.size:
-        raise ShapeError(f"A: expected a square matrix, found shape {A_.shape}")
-    if C_.ndim != 2 or C_.shape[1] != len(A_) or not C_.size:
-        raise ShapeError(f"C: expected a matrix with {len(A_)} columns, found shape {C_.shape}")
-    for name, M in (("A", A_), ("C", C_)):
-        if not np.isfinite(M).all():
-            raise NotFiniteError(f"{name}: expected finite numbers, found {M[~np.isfinite(M)][0]}")
-    return A_, C_
 
 
 def _matching(P: Array, A: Array, R: Array, C: Array) -> None:
@@ -299,11 +275,10 @@ def _check_number(name: str, value: float | None, fits: Any, expected: str) -> N
 
 
 def _certificate(
-    system: ConsistentSet,
+    allowed: ConsistentSet,
     P: Array,
     Q: Array,
     R: Array,
-    tau: float,
     residual: float,
     *,
     eta: float,
@@ -313,33 +288,39 @@ def _certificate(
     n = len(P)
     root_P, root_Q, root_R = (scipy.linalg.cholesky(M) for M in (P, Q, R))
     inverse = scipy.linalg.solve_triangular(root_P, np.eye(n))
-    growth = float(np.linalg.norm(root_P @ system.A @ inverse, 2))
+    growth = float(np.linalg.norm(root_P @ allowed.A @ inverse, 2))
     uncertainty = None
     if noise is not None:
-        spread = float(np.linalg.norm(root_P @ system.root[:n], 2) * np.linalg.norm(root(system.shape) @ inverse, 2))
+        spread = float(np.linalg.norm(root_P @ allowed.root[:n], 2) * np.linalg.norm(root(allowed.shape) @ inverse, 2))
         growth += spread
-        w, v = (float(np.linalg.norm(U @ q, 2)) for U, q in ((root_Q, system.root[:n]), (root_R, system.root[n:])))
-        uncertainty = Uncertainty(system.metric, w, v)
-    e, r = (system.e, system.r) if offsets else (None, None)
-    return Certificate(P, Q, R, eta, residual, system.A, system.C, e, r, growth, uncertainty, noise)
+        w, v = (float(np.linalg.norm(U @ q, 2)) for U, q in ((root_Q, allowed.root[:n]), (root_R, allowed.root[n:])))
+        uncertainty = Uncertainty(allowed.metric, w, v)
+    e, r = (allowed.e, allowed.r) if offsets else (None, None)
+    return Certificate(P, Q, R, eta, residual, allowed.A, allowed.C, e, r, growth, uncertainty, noise)
 
 
-def _smallest_eta(system: ConsistentSet, condition: float) -> float:
+def _smallest_eta(allowed: ConsistentSet, condition: float) -> float:
     """Smallest η, to 1e-3, at which cond P ≤ condition is possible: bisection."""
     lo, hi = 0.0, 1.0 - 1e-4
-    if best_gains(system, hi, condition, (1.0, 1.0)) is None:
+    if best_gains(allowed, hi, condition, (1.0, 1.0)) is None:
         raise InfeasibleError(
             f"condition: expected a bound on cond P that some eta below {hi} can meet, found {condition:g}"
         )
     while hi - lo > 1e-3:
         middle = 0.5 * (lo + hi)
-        lo, hi = (lo, middle) if best_gains(system, middle, condition, (1.0, 1.0)) else (middle, hi)
+        lo, hi = (lo, middle) if best_gains(allowed, middle, condition, (1.0, 1.0)) else (middle, hi)
     return hi
 
 
-def _why_not(system: ConsistentSet, eta: float, condition: float | None, noise: RecordingNoise | None) -> str:
+def _why_not(
+    allowed: ConsistentSet,
+    eta: float,
+    condition: float | None,
+    gains: tuple[float, float],
+    noise: RecordingNoise | None,
+) -> str:
     """Why there is no certificate, in words."""
-    modes = unobservable_modes(system.A, system.C)
+    modes = unobservable_modes(allowed.A, allowed.C)
     slow = max((abs(z) for z in modes), default=0.0)
     if slow**2 >= eta:
         if slow >= 1:
@@ -349,26 +330,25 @@ def _why_not(system: ConsistentSet, eta: float, condition: float | None, noise: 
             )
         return f"eta: expected more than {slow**2:.6g}, the square of the unobservable mode {slow:.6g}, found {eta:g}"
     if noise is not None:
-        share = _certifiable_share(system, eta, condition)
+        share = _certifiable_share(allowed, eta, condition, gains)
         return (
             f"noise: expected a size that leaves systems which one certificate with eta = {eta:g} can cover, found a "
-            f"set of "
-            f"consistent systems that would have to be {share:.2g} times as wide; state less noise, record more "
-            f"motion or raise eta"
+            f"set of consistent systems that would have to be {share:.2g} times as wide; state less noise, record "
+            f"more motion or raise eta"
         )
     if condition is not None:
         return f"eta: expected a larger one for cond P of at most {condition:g}, found {eta:g}"
     return f"A, C: expected a pair whose certificate survives rounding, found one too badly observable at eta = {eta:g}"
 
 
-def _certifiable_share(system: ConsistentSet, eta: float, condition: float | None) -> float:
-    """Largest width of the set about its centre, relative to what it is, that can be certified: to 10 %, at least
-    1e-3."""
-    gains = (1.0, max(float(np.linalg.norm(system.C, 2)), 1e-300))
+def _certifiable_share(
+    allowed: ConsistentSet, eta: float, condition: float | None, gains: tuple[float, float]
+) -> float:
+    """Largest width that can be certified, relative to the set's own about its centre: to 10 %, at least 1e-3."""
     lo, hi = math.log(1e-3), 0.0
     while hi - lo > 0.1:
         middle = 0.5 * (lo + hi)
-        narrower = replace(system, root=math.exp(middle) * system.root)
+        narrower = replace(allowed, root=math.exp(middle) * allowed.root)
         lo, hi = (lo, middle) if best_gains(narrower, eta, condition, gains) is None else (middle, hi)
     return math.exp(lo)
 

@@ -22,15 +22,15 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
+from ddmhe.design.solver import solve
 from ddmhe.design.uncertainty import ConsistentSet
 
 Array = NDArray[np.float64]
 
-__all__ = ["best_gains", "dissipation", "extremes", "largest_eigenvalue", "root"]
+__all__ = ["best_gains", "condition_number", "dissipation", "extremes", "largest_eigenvalue", "root"]
 
 MARGIN = 1e-7
-"""The semidefinite programme keeps Φ's (d, s) block this far below zero, relative to its size in balanced
-coordinates."""
+"""The programme keeps Φ's (d, s) block this far below zero, relative to its size in balanced coordinates."""
 
 
 # --- the inequality
@@ -68,15 +68,14 @@ def dissipation(A: Array, C: Array, P: Array, Q: Array, R: Array, eta: float) ->
 
 def largest_eigenvalue(M: Array) -> float:
     """Of the symmetric part."""
-    return float(np.linalg.eigvalsh(0.5 * (M + M.T))[-1])
+    return float(np.linalg.eigvalsh(_symmetric(M))[-1])
 
 
 # --- the design
 
 
-def _transformed(system: ConsistentSet, T: Array, c: float) -> ConsistentSet:
+def _transformed(system: ConsistentSet, T: Array, inverse: Array, c: float) -> ConsistentSet:
     """The set in coordinates d = T z, outputs divided by c."""
-    inverse = np.linalg.inv(T)
     left = scipy.linalg.block_diag(inverse, np.eye(len(system.C)) / c)
     metric = np.zeros_like(system.metric)
     metric[:-1, :-1] = T.T @ system.shape @ T
@@ -97,39 +96,44 @@ def _balance(system: ConsistentSet, eta: float) -> Array | None:
             P = np.linalg.inv(sigma)
     except (np.linalg.LinAlgError, ValueError):
         return None
-    P = 0.5 * (P + P.T)
+    P = _symmetric(P)
     return P if np.isfinite(P).all() and np.linalg.eigvalsh(P)[0] > 0 else None
 
 
 def best_gains(
     system: ConsistentSet, eta: float, condition: float | None, gains: tuple[float, float]
-) -> tuple[Array, Array, Array, float, float] | None:
-    """(P, Q, R, τ, residual) in the user's units, verified; None if none was found."""
+) -> tuple[Array, Array, Array, float] | None:
+    """(P, Q, R, residual) in the user's units, verified; None if none was found."""
     P_0 = _balance(system, eta)
     if P_0 is None:
         return None
     scale = float(np.linalg.norm(system.C, 2)) or 1.0
     values, vectors = np.linalg.eigh(P_0)
     T = vectors / np.sqrt(values)  # TᵀP₀T = I
-    candidates = [_programme(_transformed(system, T, scale), T, eta, condition, (gains[0], gains[1] / scale))]
+    inverse = np.linalg.inv(T)
+    balanced = _transformed(system, T, inverse, scale)
+    candidates = [_programme(balanced, T, inverse, eta, condition, (gains[0], gains[1] / scale))]
     if not system.root.shape[1]:
         candidates.append((np.eye(len(T)), eta * np.eye(len(system.C)), 0.0))  # the Riccati solution itself
     for found in candidates:
         if found is None:
             continue
         P, R, tau = found
-        inverse = np.linalg.inv(T)
         verified = _verified(system, inverse.T @ P @ inverse, R / scale**2, tau, eta)
-        if verified is not None and (condition is None or _condition(verified[0]) <= condition * (1 + 1e-6)):
+        if verified is not None and (condition is None or condition_number(verified[0]) <= condition * (1 + 1e-6)):
             return verified
     return None
 
 
 def _programme(
-    system: ConsistentSet, T: Array, eta: float, condition: float | None, gains: tuple[float, float]
+    system: ConsistentSet,
+    T: Array,
+    inverse: Array,
+    eta: float,
+    condition: float | None,
+    gains: tuple[float, float],
 ) -> tuple[Array, Array, float] | None:
-    """P, R, τ of the semidefinite programme in balanced coordinates; None unless the solver calls them (nearly)
-    optimal."""
+    """P, R, τ of the programme in balanced coordinates; None unless the solver calls them (nearly) optimal."""
     n, p = len(system.A), len(system.C)
     P, Q = cp.Variable((n, n), symmetric=True), cp.Variable((n, n), symmetric=True)
     R = cp.Variable((p, p), symmetric=True)
@@ -141,15 +145,11 @@ def _programme(
     constraints = [_symmetric(_inequality(system, P, Q, R, tau, eta)) >> floor, R >> 1e-9 * np.eye(p), P >> unit / size]
     if condition is not None:
         constraints.append(P << condition * unit / size)
-    inverse = np.linalg.inv(T)
-    weight = inverse @ inverse.T
-    weight = weight / np.linalg.norm(weight, 2)
-    cost = (
-        gains[0] ** 2 * cp.trace(weight @ Q) / n
-        + (gains[1] ** 2) * cp.trace(R) * float(1 / np.linalg.norm(inverse @ inverse.T, 2)) / n
-    )
+    weight = inverse @ inverse.T  # trace of the user's Q = trace of weight Q
+    length = float(np.linalg.norm(weight, 2))
+    cost = gains[0] ** 2 * cp.trace(weight / length @ Q) / n + gains[1] ** 2 * cp.trace(R) * (1 / length) / n
     problem = cp.Problem(cp.Minimize(cost), constraints)
-    if not _solve(problem) or P.value is None or R.value is None:
+    if not solve(problem) or P.value is None or R.value is None:
         return None
     return P.value * size, R.value * size, float(tau.value) * size if system.root.shape[1] else 0.0
 
@@ -158,42 +158,29 @@ def _symmetric(M: Any) -> Any:
     return 0.5 * (M + M.T)
 
 
-def _solve(problem: Any) -> bool:
-    """Whether Clarabel found a point; what it is worth is for `_verified` to say."""
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            problem.solve(solver=cp.CLARABEL)
-    except cp.error.SolverError:
-        return False
-    return problem.status in (cp.OPTIMAL, cp.OPTIMAL_INACCURATE)
-
-
 def _verified(
     system: ConsistentSet, P: Array, R: Array, tau: float, eta: float
-) -> tuple[Array, Array, Array, float, float] | None:
-    """P, Q, R, τ, residual with the inequality confirmed by eigenvalues in the user's units; None if they deny it.
+) -> tuple[Array, Array, Array, float] | None:
+    """P, Q, R, residual with the inequality confirmed by eigenvalues in the user's units; None if they deny it.
 
     Q is computed anew: with S ≻ 0 the smallest Q is P + PF S⁻¹ FᵀP (Schur complement). A little more of Q keeps the
     eigenvalues away from zero by more than rounding.
     """
-    P, R = 0.5 * (P + P.T), 0.5 * (R + R.T)
+    P, R = _symmetric(P), _symmetric(R)
     smallest = float(np.linalg.eigvalsh(P)[0])
     if not smallest > 0 or not float(np.linalg.eigvalsh(R)[0]) > 0:
         return None
     P, R, tau = P / smallest, R / smallest, tau / smallest
     F, _ = _operators(system)
-    S = _storage(system, P, R, tau, eta)
-    values = np.linalg.eigvalsh(0.5 * (S + S.T))
-    if not values[0] > 0:
+    S = _symmetric(_storage(system, P, R, tau, eta))
+    if not float(np.linalg.eigvalsh(S)[0]) > 0:
         return None
-    Q = P + P @ F @ np.linalg.solve(0.5 * (S + S.T), F.T @ P)
-    Q = 0.5 * (Q + Q.T)
+    Q = _symmetric(P + P @ F @ np.linalg.solve(S, F.T @ P))
     for more in (1e-6, 1e-4, 1e-2, 1.0):
         inflated = Q + more * np.eye(len(Q)) * float(np.trace(Q)) / len(Q)
         residual = -float(np.linalg.eigvalsh(_symmetric(_inequality(system, P, inflated, R, tau, eta)))[0])
         if residual <= 0:
-            return P, inflated, R, tau, residual
+            return P, inflated, R, residual
     return None
 
 
@@ -203,7 +190,8 @@ def extremes(M: Array) -> tuple[float, float]:
     return float(values[0]), float(values[-1])
 
 
-def _condition(M: Array) -> float:
+def condition_number(M: Array) -> float:
+    """Of a symmetric positive definite matrix."""
     lo, hi = extremes(M)
     return hi / lo
 

@@ -12,7 +12,7 @@ So every number is computed twice: as printed, and with the same gain in an iden
 from __future__ import annotations
 
 import math
-import warnings
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -21,9 +21,11 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import ArrayLike, NDArray
 
-from ddmhe._core import DdmheError, History, InfeasibleError, NotFiniteError, RankError, ShapeError
+from ddmhe._core import DdmheError, History, InfeasibleError, RankError, ShapeError
+from ddmhe.design.arguments import check_finite, recording_or_system
 from ddmhe.design.model import AffineModel, identify, unobservable_modes
 from ddmhe.design.regions import Disc, Region
+from ddmhe.design.solver import solve
 
 Array = NDArray[np.float64]
 
@@ -39,8 +41,6 @@ AGREEMENT = 0.05
 class PolePlacement:
     """What Algorithm 2 found, and what it is worth."""
 
-    feasible: bool
-    """Whether the semidefinite programme was solved with ρ0 < 1 as printed, at some radius."""
     gain: Array | None
     """L (n, p) with A_L = A + L C; None if no programme was solved."""
     rho0: float
@@ -51,32 +51,92 @@ class PolePlacement:
     """Eigenvalues of (53)'s A_L; empty without a gain."""
     beta: float
     """β of (55b), the asymmetry of X0dl X; inf without a gain."""
-    radius: float
-    """Radius of the last attempt; 0 for a region that is not a disc."""
     region: Region
     """The region of the last attempt."""
+    attempts: int
+    """Regions that were to be tried."""
     singular_values: Array
     """Of [X1; Y0] (46), largest first, each channel divided by its rms; of [A; C] where that was given."""
     rank: int
     """Numerical rank behind the pseudo-inverse; (44) asks for n + p."""
     required_rank: int
     """n + p."""
+    arbitrary: bool
+    """Whether the dual data have independent rows: then A_L = 0, L = 0 solves the programme for any system."""
     rho0_identified: float
-    """ρ0 with the gain in the identified or given (A, C)."""
-    mu0_identified: float
-    """The same as mu0: L does not depend on the model."""
+    """ρ0 with the gain in the identified or given (A, C); inf without a gain."""
     poles_identified: NDArray[np.complex128]
     """Poles of A + L C with the identified or given (A, C); those of A without a gain."""
-    agree: bool
-    """Whether both ways give the same ρ0 to 5 %."""
     output_rank: int
     """Rank of C, by its standard errors."""
     lower_bound: float
     """6 max ‖A b‖² over unit b with C b = 0: no gain makes ρ0 smaller; 0 if C has rank n."""
-    certified: bool
-    """Whether (24) holds for the identified or given (A, C): ρ0 < 1 there."""
-    words: str
-    """The verdict in sentences."""
+
+    @property
+    def feasible(self) -> bool:
+        """Whether the semidefinite programme was solved with ρ0 < 1 as printed, at some radius."""
+        return self.rho0 < 1
+
+    @property
+    def certified(self) -> bool:
+        """Whether (24) holds for the identified or given (A, C): ρ0 < 1 there."""
+        return self.rho0_identified < 1
+
+    @property
+    def agree(self) -> bool:
+        """Whether both ways give the same ρ0 to 5 %."""
+        return self.gain is not None and abs(self.rho0 - self.rho0_identified) <= AGREEMENT * self.rho0_identified
+
+    @property
+    def mu0_identified(self) -> float:
+        """The same as mu0: L does not depend on the model."""
+        return self.mu0
+
+    @property
+    def radius(self) -> float:
+        """Radius of the last attempt; 0 for a region that is not a disc."""
+        return self.region.radius if isinstance(self.region, Disc) else 0.0
+
+    @property
+    def words(self) -> str:
+        """The verdict in sentences."""
+        return " ".join([*self._limits(), *self._outcome()])
+
+    def _limits(self) -> Iterator[str]:
+        n = len(self.poles_identified)
+        if self.rank < self.required_rank:
+            yield (
+                f"The rank condition (44) fails: the recorded differences have rank {self.rank}, not n + p = "
+                f"{self.required_rank}, as those of any noise-free autonomous system do. The pseudo-inverse then "
+                "leaves no free gain but L = A^-T C^T, which does not stabilise."
+            )
+        if self.lower_bound >= 1:
+            yield (
+                f"(24) is impossible: C has rank {self.output_rank} < n = {n}, and on its kernel no gain acts, so "
+                f"that rho0 >= {self.lower_bound:.4g} for every gain. Use a weighted certificate (ddmhe.design.ioss) "
+                "instead."
+            )
+        if self.arbitrary:
+            yield (
+                "The dual data have independent rows (noise or nonlinearity in at least 2n + p = "
+                f"{n + self.required_rank} columns): A_L = 0, L = 0 solves the programme whatever the system is."
+            )
+
+    def _outcome(self) -> Iterator[str]:
+        if self.gain is None:
+            yield (
+                f"Algorithm 2 found no gain in {self.attempts} attempt(s); the semidefinite programme is infeasible or "
+                "fails."
+            )
+            return
+        yield f"As printed: rho0 = {self.rho0:.4g}, mu0 = {self.mu0:.4g} for {self.region}."
+        if not self.agree:
+            yield (
+                f"With the same gain in the identified system rho0 = {self.rho0_identified:.4g}: the printed value is "
+                "shaped by the recording's noise or nonlinearity and certifies nothing."
+            )
+        relation, holds = ("< 1", "holds") if self.certified else (">= 1", "does not hold")
+        yield f"In the identified system rho0 = {self.rho0_identified:.4g} {relation}: (24) {holds} there."
 
 
 def pole_placement(
@@ -137,7 +197,7 @@ def pole_placement(
             last = (tried, solution)
         if solution is not None and (solution.rho0 < 1 or region is not None):
             break
-    return _verdict(data, model, *last, tries=len(regions))
+    return _verdict(data, model, *last, attempts=len(regions))
 
 
 # --- data
@@ -157,22 +217,10 @@ class _DualData:
 
 
 def _source(history: History | None, A: ArrayLike | None, C: ArrayLike | None) -> tuple[_DualData, AffineModel]:
-    if (history is None) == (A is None and C is None):
-        raise DdmheError("history: expected either a recording or A and C, found both or neither")
-    if history is not None:
-        if not isinstance(history, History):
-            raise DdmheError(f"history: expected a History, found {type(history).__name__}")
-        return _dual_data(history), identify(history)
-    if A is None or C is None:
-        raise DdmheError("A, C: expected both, found only one")
-    A_, C_ = (np.asarray(M, dtype=np.float64) for M in (A, C))
-    if A_.ndim != 2 or A_.shape[0] != A_.shape[1] or not A_.size:
-        raise ShapeError(f"A: expected a square matrix, found shape {A_.shape}")
-    if C_.ndim != 2 or C_.shape[1] != len(A_) or not C_.size:
-        raise ShapeError(f"C: expected a matrix with {len(A_)} columns, found shape {C_.shape}")
-    for name, M in (("A", A_), ("C", C_)):
-        if not np.isfinite(M).all():
-            raise NotFiniteError(f"{name}: expected finite numbers, found {M[~np.isfinite(M)][0]}")
+    given = recording_or_system(history, A, C)
+    if isinstance(given, History):
+        return _dual_data(given), identify(given)
+    A_, C_ = given
     n, p = len(A_), len(C_)
     # n + p experiments on the dual system x⁺ = Aᵀx + Cᵀu, one from each unit vector of (x, u), tell all of it.
     both = np.vstack([A_, C_])
@@ -202,8 +250,7 @@ def _dual_data(history: History) -> _DualData:
     U, sigma, Vt = np.linalg.svd(both / size, full_matrices=False)
     rank = int(np.sum(sigma > max(both.shape) * np.finfo(float).eps * sigma[0]))
     # The pseudo-inverse of the unscaled data on the directions that are kept.
-    kept = (U[:, :rank] * sigma[:rank]) * 1.0
-    inverse = np.linalg.pinv(size * kept) if rank else np.zeros((0, n + p))
+    inverse = np.linalg.pinv(size * (U[:, :rank] * sigma[:rank])) if rank else np.zeros((0, n + p))
     dual = (Vt[:rank].T @ inverse).T  # (n+p) x K, [X0dl; U0dl] = [X1ᵀ Y0ᵀ]†
     X1dl = np.linalg.pinv(X0.T)
     # X (K x n) enters through X0dl X, U0dl X, X1dl X only: its part outside of their row space is idle.
@@ -222,8 +269,7 @@ def _definite(name: str, matrix: ArrayLike | None, size: int) -> Array:
     M = np.asarray(matrix, dtype=np.float64)
     if M.shape != (size, size):
         raise ShapeError(f"{name}: expected shape ({size}, {size}), found {M.shape}")
-    if not np.isfinite(M).all():
-        raise NotFiniteError(f"{name}: expected finite numbers, found {M[~np.isfinite(M)][0]}")
+    check_finite(name, M)
     if not np.allclose(M, M.T, rtol=1e-9, atol=0):
         raise DdmheError(f"{name}: expected a symmetric matrix, found one that is not")
     smallest = float(np.linalg.eigvalsh(M)[0])
@@ -284,13 +330,7 @@ def _solve(data: _DualData, region: Region, Q: Array, R: Array, symmetric: bool)
     if symmetric:
         constraints.append(S == S.T)
     problem = cp.Problem(cp.Minimize(cp.trace(Q @ H) + cp.trace(W) + beta), constraints)
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            problem.solve(solver=cp.CLARABEL)
-    except cp.error.SolverError:
-        return None
-    if problem.status not in (cp.OPTIMAL, cp.OPTIMAL_INACCURATE) or X.value is None:
+    if not solve(problem) or X.value is None:
         return None
     S_, Y_, U_ = (unit * M @ X.value for M in (data.X0, data.X1, data.U0))
     if not np.isfinite(S_).all() or np.linalg.cond(S_) > 1e12:
@@ -325,37 +365,26 @@ def _contains(region: Region, A_L: Array) -> bool:
 
 
 def _verdict(
-    data: _DualData, model: AffineModel, region: Region, solution: _Solution | None, tries: int
+    data: _DualData, model: AffineModel, region: Region, solution: _Solution | None, attempts: int
 ) -> PolePlacement:
-    n, p = data.X0.shape[0], data.U0.shape[0]
-    output_rank, lower = _blind(model)
-    A_true = model.A if solution is None else model.A + solution.gain @ model.C
-    rho0 = solution.rho0 if solution else math.inf
-    mu0 = solution.mu0 if solution else math.inf
-    rho0_identified = float(6 * np.linalg.norm(A_true, 2) ** 2) if solution else math.inf
-    agree = solution is not None and abs(rho0 - rho0_identified) <= AGREEMENT * rho0_identified
-    feasible = rho0 < 1
-    certified = rho0_identified < 1
+    output_rank, lower_bound = _blind(model)
+    A_L = model.A if solution is None else model.A + solution.gain @ model.C
     return PolePlacement(
-        feasible=feasible,
         gain=solution.gain if solution else None,
-        rho0=rho0,
-        mu0=mu0,
+        rho0=solution.rho0 if solution else math.inf,
+        mu0=solution.mu0 if solution else math.inf,
         poles=np.linalg.eigvals(solution.A_L).astype(np.complex128) if solution else np.empty(0, dtype=np.complex128),
         beta=solution.beta if solution else math.inf,
-        radius=region.radius if isinstance(region, Disc) else 0.0,
         region=region,
+        attempts=attempts,
         singular_values=data.singular_values,
         rank=data.rank,
-        required_rank=n + p,
-        rho0_identified=rho0_identified,
-        mu0_identified=mu0,
-        poles_identified=np.linalg.eigvals(A_true).astype(np.complex128),
-        agree=agree,
+        required_rank=data.X0.shape[0] + data.U0.shape[0],
+        arbitrary=data.arbitrary,
+        rho0_identified=float(6 * np.linalg.norm(A_L, 2) ** 2) if solution else math.inf,
+        poles_identified=np.linalg.eigvals(A_L).astype(np.complex128),
         output_rank=output_rank,
-        lower_bound=lower,
-        certified=certified,
-        words=" ".join(_words(data, n, p, solution, tries, region, rho0_identified, agree, output_rank, lower)),
+        lower_bound=lower_bound,
     )
 
 
@@ -366,53 +395,3 @@ def _blind(model: AffineModel) -> tuple[int, float]:
     rank = int(np.sum(sigma > floor))
     kernel = Vt[rank:].T  # n x (n - rank)
     return rank, float(6 * np.linalg.norm(model.A @ kernel, 2) ** 2) if kernel.size else 0.0
-
-
-def _words(
-    data: _DualData,
-    n: int,
-    p: int,
-    solution: _Solution | None,
-    tries: int,
-    region: Region,
-    rho0_identified: float,
-    agree: bool,
-    output_rank: int,
-    lower: float,
-) -> list[str]:
-    words = []
-    if data.rank < n + p:
-        words.append(
-            f"The rank condition (44) fails: the recorded differences have rank {data.rank}, not n + p = {n + p}, as "
-            f"those of any "
-            "noise-free autonomous system do. The pseudo-inverse then leaves no free gain but L = A^-T C^T, which "
-            "does not stabilise."
-        )
-    if lower >= 1:
-        words.append(
-            f"(24) is impossible: C has rank {output_rank} < n = {n}, and on its kernel no gain acts, so that "
-            f"rho0 >= {lower:.4g} for every gain. Use a weighted certificate (ddmhe.design.ioss) instead."
-        )
-    if data.arbitrary:
-        words.append(
-            f"The dual data have independent rows (noise or nonlinearity in at least 2n + p = {2 * n + p} columns): "
-            f"A_L = 0, L = 0 "
-            "solves the programme whatever the system is."
-        )
-    if solution is None:
-        words.append(
-            f"Algorithm 2 found no gain in {tries} attempt(s); the semidefinite programme is infeasible or fails."
-        )
-        return words
-    words.append(f"As printed: rho0 = {solution.rho0:.4g}, mu0 = {solution.mu0:.4g} for {region}.")
-    if not agree:
-        words.append(
-            f"With the same gain in the identified system rho0 = {rho0_identified:.4g}: the printed value is shaped "
-            f"by the "
-            "recording's noise or nonlinearity and certifies nothing."
-        )
-    if rho0_identified < 1:
-        words.append(f"In the identified system rho0 = {rho0_identified:.4g} < 1: (24) holds there.")
-    else:
-        words.append(f"In the identified system rho0 = {rho0_identified:.4g} >= 1: (24) does not hold there.")
-    return words

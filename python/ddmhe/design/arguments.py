@@ -1,0 +1,45 @@
+"""What the designs take: a recording or a known system (A, C), checked; and weights."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ddmhe._core import DdmheError, History, NotFiniteError, ShapeError
+
+Array = NDArray[np.float64]
+
+__all__ = ["check_finite", "recording_or_system", "system"]
+
+
+def recording_or_system(
+    history: History | None, A: ArrayLike | None, C: ArrayLike | None
+) -> History | tuple[Array, Array]:
+    """The recording, or A (n, n) and C (p, n); DdmheError unless exactly one of the two was given."""
+    if (history is None) == (A is None and C is None):
+        raise DdmheError("history: expected either a recording or A and C, found both or neither")
+    if history is not None:
+        if not isinstance(history, History):
+            raise DdmheError(f"history: expected a History, found {type(history).__name__}")
+        return history
+    if A is None or C is None:
+        raise DdmheError("A, C: expected both, found only one")
+    return system(A, C)
+
+
+def system(A: ArrayLike, C: ArrayLike) -> tuple[Array, Array]:
+    """A (n, n) and C (p, n), checked."""
+    A_, C_ = np.asarray(A, dtype=np.float64), np.asarray(C, dtype=np.float64)
+    if A_.ndim != 2 or A_.shape[0] != A_.shape[1] or not A_.size:
+        raise ShapeError(f"A: expected a square matrix, found shape {A_.shape}")
+    if C_.ndim != 2 or C_.shape[1] != len(A_) or not C_.size:
+        raise ShapeError(f"C: expected a matrix with {len(A_)} columns, found shape {C_.shape}")
+    check_finite("A", A_)
+    check_finite("C", C_)
+    return A_, C_
+
+
+def check_finite(name: str, M: Array) -> None:
+    """NotFiniteError naming the argument."""
+    if not np.isfinite(M).all():
+        raise NotFiniteError(f"{name}: expected finite numbers, found {M[~np.isfinite(M)][0]}")
