@@ -4,9 +4,8 @@
 
 with z the state relative to a known rest (then without the ones: the rest stays one) or to the recording's mean.
 Rigid bodies turn like this (Euler's equations are quadratic), and any smooth motion does to second order. The
-parameters minimise the simulation error of the whole recording, in units of its noise, with a weak prior; other
-parameters that fit as well are drawn from the Gauss-Newton covariance. It serves to choose settings, never to
-estimate.
+parameters minimise the simulation error of the whole recording, in units of its noise, with a weak prior; others that
+fit as well are found by fitting disturbed data. It serves to choose settings, never to estimate.
 """
 
 from __future__ import annotations
@@ -24,12 +23,10 @@ __all__ = ["Surrogate"]
 
 FLOOR = 1e-5
 """Noise below this share of the states' size counts as this much: a surrogate is no exact model."""
-PRIOR = 3.0
+PRIOR = 1.0
 """Standard deviation of every parameter of the motion, in units of the recorded rms step."""
 REACH = 3.0
 """A drawn motion that leaves this many times the recorded range is given up."""
-ROUNDING = 1e-15
-"""Curvature below this share of the largest is not resolved."""
 
 
 class Surrogate:
@@ -50,61 +47,60 @@ class Surrogate:
         self._reach = REACH * float(np.linalg.norm(self._z, axis=1).max())
         self._fit()
 
-    def motion(self, rng: np.random.Generator | None, steps: int) -> tuple[Array, Array]:
+    def draw(self, rng: np.random.Generator) -> Array:
+        """Parameters that fit as well: those of the best fit to data and prior disturbed by their noise.
+
+        To first order a draw from the posterior. Unlike one from the Gauss-Newton covariance it passes through the
+        data where the motion is not linear in the parameters, and depends on them continuously: another rounding
+        makes no other draw.
+        """
+        scale = np.sqrt(max(self.misfit, 1.0))
+        return self._minimise(self.best, scale * rng.standard_normal(len(self._residuals(self.best))))
+
+    def motion(self, parameters: Array, steps: int) -> tuple[Array, Array]:
         """States (N+1, n) and outputs (N, p) from the recording's start, without noise.
 
-        N = steps unless the motion goes astray. With `rng` for parameters drawn from those that fit, without for the
-        best ones.
+        N = steps unless the motion goes astray.
         """
-        parameters = self._best
-        if rng is not None:
-            parameters = parameters + self._spread @ rng.standard_normal(len(parameters))
-        z, theta, C = self._split(parameters[None])
-        states = [z[0]]
+        z, theta, C = self._split(parameters)
+        states = [z]
         for _ in range(steps):
-            z = self._next(z, theta)
+            z = z + self._features(z) @ theta
             if not np.linalg.norm(z) < self._reach:
                 break
-            states.append(z[0])
+            states.append(z)
         path = np.array(states)
-        return path * self._size_x + self._x_0, self._outputs(path[:-1]) @ C[0] * self._size_y + self._y_0
+        return path * self._size_x + self._x_0, self._outputs(path[:-1]) @ C * self._size_y + self._y_0
 
     def _features(self, z: Array) -> Array:
         """([1], z, products of z) along the last axis."""
         return np.concatenate([self._outputs(z), z[..., self._pairs[0]] * z[..., self._pairs[1]]], axis=-1)
-
-    def _next(self, z: Array, theta: Array) -> Array:
-        """z(k+1) (B, n) from z(k) with Θ (B, m, n)."""
-        return np.asarray(z + np.einsum("bm,bmn->bn", self._features(z), theta))
 
     def _outputs(self, z: Array) -> Array:
         """([1], z) along the last axis."""
         return z if self._rest else np.concatenate([np.ones((*z.shape[:-1], 1)), z], axis=-1)
 
     def _split(self, parameters: Array) -> tuple[Array, Array, Array]:
-        """z(0) (B, n), Θ (B, m, n), C (B, q, p) of B parameter vectors."""
+        """z(0) (n,), Θ (m, n), C (q, p)."""
         n, m = self._n, self._count
-        theta = parameters[:, n : n + m * n].reshape(-1, m, n)
-        return parameters[:, :n], theta, parameters[:, n + m * n :].reshape(len(parameters), -1, self._p)
+        return parameters[:n], parameters[n : n + m * n].reshape(m, n), parameters[n + m * n :].reshape(-1, self._p)
 
     def _fit(self) -> None:
         self._count = self._features(self._z[:1]).shape[1]
         self._weight_x = max(self.noise_x / self._size_x, FLOOR)
         self._weight_y = max(self.noise_y / self._size_y, FLOOR)
-        start = self._start()
+        self.best = self._minimise(self._start(), 0.0)
+        """Parameters of the best fit."""
+        self.misfit = float(np.mean(self._residuals(self.best) ** 2))
+        """Mean squared residual in units of the noise: near 1 for a recording that the model explains."""
 
+    def _minimise(self, start: Array, disturbance: Array | float) -> Array:
         def residuals(parameters: Array) -> Array:
-            return np.asarray(self._residuals(parameters[None])[0])
+            return np.asarray(self._residuals(parameters) + disturbance)
 
         with np.errstate(over="ignore", invalid="ignore"):
             solution = least_squares(residuals, start, self._jacobian, x_scale="jac", max_nfev=40)
-        self._best = np.asarray(solution.x, dtype=np.float64)
-        self.misfit = float(2 * solution.cost / len(solution.fun))
-        """Mean squared residual in units of the noise: near 1 for a recording that the model explains."""
-        slope = self._jacobian(self._best)
-        curvature, directions = np.linalg.eigh(slope.T @ slope)
-        floor = max(float(curvature[-1]), 1e-300) * ROUNDING
-        self._spread = directions / np.sqrt(np.maximum(curvature, floor)) * np.sqrt(max(self.misfit, 1.0))
+        return np.asarray(solution.x, dtype=np.float64)
 
     def _start(self) -> Array:
         """Ridge regression of (smoothed) steps on states."""
@@ -120,23 +116,46 @@ class Surrogate:
         C = np.linalg.lstsq(self._outputs(z[:-1]), u, rcond=None)[0]
         return np.concatenate([z[0], theta.ravel(), C.ravel()])
 
+    def _path(self, z: Array, theta: Array) -> Array:
+        """States of the motion over the recording (T+1, n); a trial step of the optimiser must stay finite."""
+        path = [z]
+        for _ in range(len(self._u)):
+            z = np.clip(z + self._features(z) @ theta, -10 * self._reach, 10 * self._reach)
+            path.append(z)
+        return np.array(path)
+
     def _residuals(self, parameters: Array) -> Array:
-        """Of B parameter vectors at once: simulation errors of x and y in units of the noise, and the prior."""
+        """Simulation errors of x and y in units of the noise, and the prior."""
         z, theta, C = self._split(parameters)
-        path = np.empty((len(parameters), len(self._z), self._n))
-        path[:, 0] = z
-        for k in range(1, len(self._z)):
-            # a trial step of the optimiser must stay finite
-            z = np.clip(self._next(z, theta), -10 * self._reach, 10 * self._reach)
-            path[:, k] = z
-        u = np.einsum("btq,bqp->btp", self._outputs(path[:, :-1]), C)
-        parts = ((path - self._z) / self._weight_x, (u - self._u) / self._weight_y, theta / self._prior)
-        return np.concatenate([part.reshape(len(parameters), -1) for part in parts], axis=1)
+        path = self._path(z, theta)
+        errors_x = (path - self._z) / self._weight_x
+        errors_y = (self._outputs(path[:-1]) @ C - self._u) / self._weight_y
+        return np.concatenate([errors_x.ravel(), errors_y.ravel(), theta.ravel() / self._prior])
 
     def _jacobian(self, parameters: Array) -> Array:
-        """Central differences, all parameters in one simulation."""
-        size = np.full(len(parameters), 1e-2)
-        size[self._n : self._n + self._count * self._n] *= self._prior
-        h = 1e-6 * np.maximum(np.abs(parameters), size)
-        both = self._residuals(np.concatenate([parameters + np.diag(h), parameters - np.diag(h)]))
-        return np.asarray(((both[: len(h)] - both[len(h) :]) / (2 * h[:, None])).T)
+        """Derivatives of the residuals: the sensitivity S = ∂z/∂parameters runs along with the motion."""
+        n, m, p = self._n, self._count, self._p
+        z, theta, C = self._split(parameters)
+        path = self._path(z, theta)
+        i, j = self._pairs
+        slopes = np.zeros((len(path), m, n))  # ∂features/∂z
+        slopes[:, m - len(i) - n + np.arange(n), np.arange(n)] = 1.0
+        rows = m - len(i) + np.arange(len(i))
+        slopes[:, rows, i] += path[:, j]
+        slopes[:, rows, j] += path[:, i]
+        step = np.eye(n) + np.swapaxes(slopes, 1, 2) @ theta
+        features = self._features(path)
+        S = np.zeros((len(path), n, len(parameters)))
+        S[0, :, :n] = np.eye(n)
+        for k in range(len(path) - 1):
+            S[k + 1] = step[k].T @ S[k]
+            for c in range(n):
+                S[k + 1, c, n + c : n + m * n : n] += features[k]
+        slope_y = np.einsum("qp,tqv->tpv", C[-n:], S[:-1])
+        outputs = self._outputs(path[:-1])
+        for c in range(p):
+            slope_y[:, c, n + m * n + c :: p] += outputs
+        prior = np.zeros((m * n, len(parameters)))
+        prior[:, n : n + m * n] = np.eye(m * n) / self._prior
+        parts = (S.reshape(-1, len(parameters)) / self._weight_x, slope_y.reshape(-1, len(parameters)) / self._weight_y)
+        return np.concatenate([*parts, prior])

@@ -429,3 +429,33 @@ def test_the_estimator_checks_its_certificate():
     for arguments, message in cases:
         with pytest.raises(ddmhe.DdmheError, match=message):
             ddmhe.DdMhe(h, **arguments)
+
+
+def test_a_solution_that_rounding_refutes_is_sought_again_with_a_margin():
+    """At 1e-7 the programme's solution fails the eigenvalue check on 49 of 500 pairs; a margin rescues 15 of them."""
+    rng = np.random.default_rng(0)
+    found = []
+    for _ in range(100):
+        A, C = random_pair(rng)
+        eta = float(rng.choice([0.5, 0.8, 0.95]))
+        found.append((A, C, ioss(A=A, C=C, eta=eta)))
+    fallbacks = [c for _, _, c in found if not c.optimised]
+    assert 0 < len(fallbacks) < 9  # without margins 9
+    assert all("not the best gains" in c.words for c in fallbacks)
+    assert not any("not the best gains" in c.words for _, _, c in found if c.optimised)
+
+
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        (lambda A, C: ioss(A=A, C=C, eta="x"), "eta: expected a number in"),
+        (lambda A, C: ioss(A=A, C=C, gains=3.0), "gains: expected two positive"),
+        (lambda A, C: ioss(A=A, C=C, gains=(1.0, "x")), "gains: expected two positive"),
+        (lambda A, C: ioss(A=A, C=C).error_bound(3, 30, "x", 0.0, 0.0), "initial: expected a finite"),
+        (lambda A, C: RecordingNoise(x="x"), "noise: expected a finite x"),
+        (lambda A, C: scalar_certificate(A, C, np.zeros((2, 2)), "x", 1.0), "rho: expected"),
+    ],
+)
+def test_arguments_of_another_type_are_one_clear_error(call, words):
+    with pytest.raises(ddmhe.DdmheError, match=words):
+        call(0.1 * np.eye(2), np.eye(2))

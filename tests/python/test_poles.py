@@ -166,5 +166,5 @@ def test_errors_name_the_argument():
     for arguments, message in cases:
         with pytest.raises(ddmhe.DdmheError, match=message):
             pole_placement(**arguments)
-    with pytest.raises(ddmhe.DdmheError, match="region: expected an angle"):
+    with pytest.raises(ddmhe.DdmheError, match="angle: expected an angle"):
         Cone(2.0)

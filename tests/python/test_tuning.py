@@ -56,8 +56,8 @@ def test_the_scores_are_those_of_estimators_fitted_by_hand():
     for row in (0, 5, 20):
         for q in (1, 2):
             a, z = 50 * q, 50 * (q + 1)
-            rest = ddmhe.History.concat([ddmhe.History(x[: a + 1], y[:a]), ddmhe.History(x[z:], y[z:])])
-            estimator = ddmhe.DdMhe(rest, **tuned.candidates[row], x_prior=x[a])
+            rest = ddmhe.History.concat([ddmhe.History(x[z:], y[z:]), ddmhe.History(x[: a + 1], y[:a])])
+            estimator = ddmhe.DdMhe(rest, **tuned.candidates[row], x_prior=x[a], warm_start=True)
             error = estimator.run(y[a:z]).x - x[a + 1 : z + 1]
             relative = np.sqrt(np.mean(np.sum(error**2, axis=1)) / x.var(axis=0).sum())
             assert tuned.table[f"quarter {q + 1}"].iloc[row] == pytest.approx(relative, rel=1e-9)
@@ -68,6 +68,17 @@ def test_the_same_recording_gives_the_same_choice(tuned):
     again = ddmhe.tune(history)
     assert repr(again.settings) == repr(tuned.settings)
     np.testing.assert_array_equal(again.table["score"], tuned.table["score"])
+
+
+def test_another_rounding_makes_no_other_choice(tuned):
+    """One unit in the last digit of every state moves no score that decides by more than 1e-5."""
+    history, _ = detumbling()
+    (x, y) = history.recordings[0]
+    signs = np.random.default_rng(0).choice([-1.0, 1.0], x.shape)
+    again = ddmhe.tune(ddmhe.History(np.nextafter(x, np.inf * signs), y, dt=0.1))
+    stable = tuned.table["spectral radius"] <= 1.005
+    assert again.table["rated"][stable].to_numpy() == pytest.approx(tuned.table["rated"][stable].to_numpy(), abs=1e-5)
+    assert (again.horizon, str(again.space)) == (tuned.horizon, str(tuned.space))
 
 
 def test_units_do_not_matter(tuned):
@@ -107,16 +118,16 @@ def test_a_known_rest_is_taken_where_it_helps():
 
 
 def test_the_surrogate_is_the_system_where_that_is_quadratic():
-    """Euler's equations by forward Euler are quadratic: fitted to 20 s, the surrogate predicts the next 80 s to a few
+    """Euler's equations by forward Euler are quadratic: fitted to 20 s, the surrogate predicts the next 80 s to five
     per cent."""
     history, _ = detumbling(noise=0.0)
     (x, y) = history.recordings[0]
     surrogate = Surrogate(x, y, (np.zeros(3), np.zeros(3)))
     assert surrogate.misfit < 0.1
-    motion, outputs = surrogate.motion(None, 1000)
+    motion, outputs = surrogate.motion(surrogate.best, 1000)
     truth = ddmhe.models.detumbling().simulate(100.0, 0.1)
-    assert np.abs(motion - truth.x).max() < 0.03 * np.abs(truth.x).max()
-    assert np.abs(outputs - truth.y[:-1]).max() < 0.03 * np.abs(truth.y).max()
+    assert np.abs(motion - truth.x).max() < 0.05 * np.abs(truth.x).max()
+    assert np.abs(outputs - truth.y[:-1]).max() < 0.05 * np.abs(truth.y).max()
 
 
 def test_drawn_motions_fit_the_recording_and_spread_beyond():
@@ -126,7 +137,7 @@ def test_drawn_motions_fit_the_recording_and_spread_beyond():
     assert surrogate.noise_x == pytest.approx(1e-3, rel=0.15)
     assert surrogate.noise_y == pytest.approx(0.01, rel=0.15)
     assert 0.7 < surrogate.misfit < 1.3
-    drawn = [surrogate.motion(np.random.default_rng(k), 300)[0] for k in range(8)]
+    drawn = [surrogate.motion(surrogate.draw(np.random.default_rng(k)), 300)[0] for k in range(8)]
     inside = [np.sqrt(np.mean((d[:201] - x) ** 2)) for d in drawn]
     assert np.median(inside) < 1.1e-3  # the noise, and little more
     beyond, within = np.std([d[300] for d in drawn], axis=0), np.std([d[100] for d in drawn], axis=0)
@@ -182,3 +193,16 @@ def test_validate_checks_its_folds():
     ):
         with pytest.raises(ddmhe.DdmheError, match=message):
             validate([fold], jobs)
+
+
+def test_the_surrogates_slope_is_that_of_its_residuals():
+    history, _ = detumbling(sigma_x=1e-3)
+    (x, y) = history.recordings[0]
+    for rest in (None, (np.zeros(3), np.zeros(3))):
+        surrogate = Surrogate(x, y, rest)
+        parameters = surrogate.best
+        slope = surrogate._jacobian(parameters)
+        for k in range(0, len(parameters), 4):
+            h = 1e-6 * max(abs(parameters[k]), 1e-3) * np.eye(len(parameters))[k]
+            difference = (surrogate._residuals(parameters + h) - surrogate._residuals(parameters - h)) / (2 * h[k])
+            assert slope[:, k] == pytest.approx(difference, abs=1e-4 * np.abs(slope[:, k]).max())

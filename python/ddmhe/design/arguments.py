@@ -2,6 +2,11 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Callable
+from numbers import Real
+from typing import Any
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -9,7 +14,7 @@ from ddmhe._core import DdmheError, History, NotFiniteError, ShapeError
 
 Array = NDArray[np.float64]
 
-__all__ = ["check_finite", "recording_or_system", "system"]
+__all__ = ["check_finite", "check_number", "recording_or_system", "system"]
 
 
 def recording_or_system(
@@ -37,6 +42,12 @@ def system(A: ArrayLike, C: ArrayLike) -> tuple[Array, Array]:
     check_finite("A", A_)
     check_finite("C", C_)
     return A_, C_
+
+
+def check_number(name: str, value: Any, expected: str, fits: Callable[[float], bool]) -> None:
+    """DdmheError naming the argument unless the value is a finite number that fits."""
+    if not isinstance(value, Real) or not (math.isfinite(value) and fits(float(value))):
+        raise DdmheError(f"{name}: expected {expected}, found {value!r}")
 
 
 def check_finite(name: str, M: Array) -> None:

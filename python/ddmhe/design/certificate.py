@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 import scipy.linalg
@@ -20,7 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import minimize_scalar
 
 from ddmhe._core import DdmheError, History, InfeasibleError, ShapeError, minimum_horizon
-from ddmhe.design.arguments import recording_or_system, system
+from ddmhe.design.arguments import check_number, recording_or_system, system
 from ddmhe.design.dissipation import (
     best_gains,
     condition_number,
@@ -76,6 +75,8 @@ class Certificate:
     """For a robust certificate: how far the true system may be from the model."""
     noise: RecordingNoise | None = None
     """The noise for which a robust certificate was made."""
+    optimised: bool = True
+    """Whether `ioss` found it by its programme: False is the Riccati solution, valid but larger than it need be."""
 
     @property
     def condition(self) -> float:
@@ -106,11 +107,9 @@ class Certificate:
         (34) as printed is too small: it has √μ‖w‖ where w(t-1), which no output up to t-1 shows, needs ‖w‖.
         """
         for name, value in (("initial", initial), ("w", w), ("v", v)):
-            if not (math.isfinite(value) and value >= 0):
-                raise DdmheError(f"{name}: expected a finite number of at least 0, found {value}")
+            check_number(name, value, "a finite number of at least 0", lambda size: size >= 0)
         for name, count in (("steps", steps), ("horizon", horizon)):
-            if count < 1:
-                raise DdmheError(f"{name}: expected at least 1, found {count}")
+            check_number(name, count, "at least 1", lambda steps: steps >= 1)
         largest_P, largest_Q, largest_R = (math.sqrt(extremes(M)[1]) for M in (self.P, self.Q, self.R))
         V, W = largest_R * v, largest_Q * w
         drift = np.concatenate([[0.0], np.cumsum(self._gains(min(horizon, steps)))]) * w
@@ -161,10 +160,11 @@ class Certificate:
                 "the one system (A, C) that was given or identified, and no other that a noisy recording allows (state "
                 "its noise for that)"
             )
+        best = "" if self.optimised else " Rounding refuted the smaller weights that were tried: not the best gains."
         return (
             f"Certified for {scope}: discount {self.eta:.6g} per sample, cond P = {self.condition:.4g}, largest "
             f"eigenvalue of the inequality {self.residual:.3g}. Estimation errors shrink with a horizon of at least "
-            f"{self.horizon}."
+            f"{self.horizon}.{best}"
         )
 
 
@@ -206,13 +206,17 @@ def ioss(
     DdmheError, ShapeError, NotFiniteError, RankError
         Wrong arguments; a recording that does not determine (A, C).
     """
-    _check_number("eta", eta, lambda v: 0 < v < 1, "a number in (0, 1)")
-    _check_number("condition", condition, lambda v: v > 1, "a number above 1")
+    if eta is not None:
+        check_number("eta", eta, "a number in (0, 1)", lambda value: 0 < value < 1)
+    if condition is not None:
+        check_number("condition", condition, "a number above 1", lambda value: value > 1)
     allowed = _resolve(history, A, C, noise)
     if gains is None:
         gains = (1.0, max(float(np.linalg.norm(allowed.C, 2)), 1e-300))
-    if len(gains) != 2 or not all(math.isfinite(g) and g > 0 for g in gains):
-        raise DdmheError(f"gains: expected two positive numbers (w, v), found {gains}")
+    if not isinstance(gains, tuple | list) or len(gains) != 2:
+        raise DdmheError(f"gains: expected two positive numbers (w, v), found {gains!r}")
+    for gain in gains:
+        check_number("gains", gain, "two positive numbers (w, v)", lambda value: value > 0)
     if eta is None:
         eta = ETA if condition is None else _smallest_eta(allowed, condition)
     found = best_gains(allowed, eta, condition, gains)
@@ -231,9 +235,11 @@ def scalar_certificate(A: ArrayLike, C: ArrayLike, gain: ArrayLike, rho: float, 
     if L.shape != C.T.shape:
         raise ShapeError(f"gain: expected shape {C.T.shape}, found {L.shape}")
     rho_0, mu_0 = 6 * np.linalg.norm(A + L @ C, 2) ** 2, 6 * np.linalg.norm(L, 2) ** 2
+    check_number("rho", rho, "a number in (0, 1)", lambda value: 0 < value < 1)
+    check_number("mu", mu, "a positive number", lambda value: value > 0)
     if not rho_0 <= rho < 1:
         raise InfeasibleError(f"rho: expected a number in [{rho_0:.4g}, 1), which (24) asks for, found {rho}")
-    if not mu_0 <= mu < math.inf:
+    if not mu_0 <= mu:
         raise InfeasibleError(f"mu: expected at least {mu_0:.4g}, which (24) asks for, found {mu}")
     P, Q, R = np.eye(len(A)), 3.0 * np.eye(len(A)), mu * np.eye(len(C))
     residual = largest_eigenvalue(dissipation(A, C, P, Q, R, rho))
@@ -269,17 +275,13 @@ def _matching(P: Array, A: Array, R: Array, C: Array) -> None:
         raise ShapeError(f"A, C: expected n = {len(P)}, p = {len(R)}, found n = {len(A)}, p = {len(C)}")
 
 
-def _check_number(name: str, value: float | None, fits: Any, expected: str) -> None:
-    if value is not None and not (math.isfinite(value) and fits(value)):
-        raise DdmheError(f"{name}: expected {expected}, found {value}")
-
-
 def _certificate(
     allowed: ConsistentSet,
     P: Array,
     Q: Array,
     R: Array,
     residual: float,
+    optimised: bool,
     *,
     eta: float,
     noise: RecordingNoise | None,
@@ -296,7 +298,7 @@ def _certificate(
         w, v = (float(np.linalg.norm(U @ q, 2)) for U, q in ((root_Q, allowed.root[:n]), (root_R, allowed.root[n:])))
         uncertainty = Uncertainty(allowed.metric, w, v)
     e, r = (allowed.e, allowed.r) if offsets else (None, None)
-    return Certificate(P, Q, R, eta, residual, allowed.A, allowed.C, e, r, growth, uncertainty, noise)
+    return Certificate(P, Q, R, eta, residual, allowed.A, allowed.C, e, r, growth, uncertainty, noise, optimised)
 
 
 def _smallest_eta(allowed: ConsistentSet, condition: float) -> float:

@@ -29,8 +29,9 @@ Array = NDArray[np.float64]
 
 __all__ = ["best_gains", "condition_number", "dissipation", "extremes", "largest_eigenvalue", "root"]
 
-MARGIN = 1e-7
-"""The programme keeps Φ's (d, s) block this far below zero, relative to its size in balanced coordinates."""
+MARGINS = (1e-7, 1e-4, 1e-2)
+"""The programme keeps Φ's (d, s) block this far below zero, relative to its size in balanced coordinates: the first
+margin whose solution survives the eigenvalue check."""
 
 
 # --- the inequality
@@ -102,8 +103,11 @@ def _balance(system: ConsistentSet, eta: float) -> Array | None:
 
 def best_gains(
     system: ConsistentSet, eta: float, condition: float | None, gains: tuple[float, float]
-) -> tuple[Array, Array, Array, float] | None:
-    """(P, Q, R, residual) in the user's units, verified; None if none was found."""
+) -> tuple[Array, Array, Array, float, bool] | None:
+    """(P, Q, R, residual, optimised) in the user's units, verified; None if none was found.
+
+    Not optimised is the Riccati solution, which stands in where rounding refutes every solution of the programme.
+    """
     P_0 = _balance(system, eta)
     if P_0 is None:
         return None
@@ -112,17 +116,20 @@ def best_gains(
     T = vectors / np.sqrt(values)  # TᵀP₀T = I
     inverse = np.linalg.inv(T)
     balanced = _transformed(system, T, inverse, scale)
-    candidates = [_programme(balanced, T, inverse, eta, condition, (gains[0], gains[1] / scale))]
-    if not system.root.shape[1]:
-        candidates.append((np.eye(len(T)), eta * np.eye(len(system.C)), 0.0))  # the Riccati solution itself
-    for found in candidates:
+    for margin in MARGINS:
+        found = _programme(balanced, T, inverse, eta, condition, (gains[0], gains[1] / scale), margin)
         if found is None:
-            continue
+            break  # a larger margin asks for more
         P, R, tau = found
         verified = _verified(system, inverse.T @ P @ inverse, R / scale**2, tau, eta)
         if verified is not None and (condition is None or condition_number(verified[0]) <= condition * (1 + 1e-6)):
-            return verified
-    return None
+            return *verified, True
+    if system.root.shape[1]:
+        return None
+    verified = _verified(system, P_0, eta * np.eye(len(system.C)) / scale**2, 0.0, eta)
+    if verified is None or (condition is not None and condition_number(verified[0]) > condition):
+        return None
+    return *verified, False
 
 
 def _programme(
@@ -132,6 +139,7 @@ def _programme(
     eta: float,
     condition: float | None,
     gains: tuple[float, float],
+    margin: float,
 ) -> tuple[Array, Array, float] | None:
     """P, R, τ of the programme in balanced coordinates; None unless the solver calls them (nearly) optimal."""
     n, p = len(system.A), len(system.C)
@@ -141,7 +149,7 @@ def _programme(
     unit = T.T @ T  # P ⪰ I in the user's coordinates
     size = max(float(np.linalg.norm(unit, 2)), 1e-300)
     kept = n + system.root.shape[1]
-    floor = MARGIN * scipy.linalg.block_diag(np.eye(kept), np.zeros((n, n)))
+    floor = margin * scipy.linalg.block_diag(np.eye(kept), np.zeros((n, n)))
     constraints = [_symmetric(_inequality(system, P, Q, R, tau, eta)) >> floor, R >> 1e-9 * np.eye(p), P >> unit / size]
     if condition is not None:
         constraints.append(P << condition * unit / size)

@@ -22,7 +22,7 @@ import scipy.linalg
 from numpy.typing import ArrayLike, NDArray
 
 from ddmhe._core import DdmheError, History, InfeasibleError, RankError, ShapeError
-from ddmhe.design.arguments import check_finite, recording_or_system
+from ddmhe.design.arguments import check_finite, check_number, recording_or_system
 from ddmhe.design.model import AffineModel, identify, unobservable_modes
 from ddmhe.design.regions import Disc, Region
 from ddmhe.design.solver import solve
@@ -179,10 +179,10 @@ def pole_placement(
         Wrong arguments.
     """
     for name, value in (("radius", radius), ("step", step)):
-        if not 0 < value < 1:
-            raise DdmheError(f"{name}: expected a number in (0, 1), found {value}")
-    if attempts < 1:
-        raise DdmheError(f"attempts: expected at least 1, found {attempts}")
+        check_number(name, value, "a number in (0, 1)", lambda share: 0 < share < 1)
+    check_number("attempts", attempts, "at least 1", lambda count: count >= 1)
+    if region is not None and not isinstance(region, Region):
+        raise DdmheError(f"region: expected a Disc, a HalfPlane or a Cone, found {type(region).__name__}")
     data, model = _source(history, A, C)
     n, p = data.X0.shape[0], data.U0.shape[0]
     weights = _definite("Q", Q, n), _definite("R", R, p)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ddmhe._core import DdmheError
+from ddmhe.design.arguments import check_number
 
 Array = NDArray[np.float64]
 
@@ -24,8 +24,8 @@ class Disc:
 
     def __post_init__(self) -> None:
         """Check the fields."""
-        if not (math.isfinite(self.radius) and self.radius > 0 and math.isfinite(self.centre)):
-            raise DdmheError(f"region: expected a positive radius and a finite centre, found {self}")
+        check_number("radius", self.radius, "a positive number", lambda radius: radius > 0)
+        check_number("centre", self.centre, "a finite number", lambda _: True)
 
     def matrices(self) -> tuple[Array, Array]:
         """L and M."""
@@ -42,8 +42,7 @@ class HalfPlane:
 
     def __post_init__(self) -> None:
         """Check the fields."""
-        if not math.isfinite(self.bound):
-            raise DdmheError(f"region: expected a finite bound, found {self.bound}")
+        check_number("bound", self.bound, "a finite number", lambda _: True)
 
     def matrices(self) -> tuple[Array, Array]:
         """L and M."""
@@ -61,8 +60,8 @@ class Cone:
 
     def __post_init__(self) -> None:
         """Check the fields."""
-        if not (0 < self.angle < math.pi / 2 and math.isfinite(self.apex)):
-            raise DdmheError(f"region: expected an angle in (0, pi/2) and a finite apex, found {self}")
+        check_number("angle", self.angle, "an angle in (0, pi/2)", lambda angle: 0 < angle < math.pi / 2)
+        check_number("apex", self.apex, "a finite number", lambda _: True)
 
     def matrices(self) -> tuple[Array, Array]:
         """L and M of sin(angle)·(-|Re|) + cos(angle)·|Im| < 0, turned to the side that is meant."""

@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ddmhe._core import DdmheError, History, RankError
+from ddmhe.design.arguments import check_number
 from ddmhe.design.model import samples
 
 Array = NDArray[np.float64]
@@ -47,13 +48,10 @@ class RecordingNoise:
     def __post_init__(self) -> None:
         """Check the sizes."""
         for name in ("x", "y", "w"):
-            value = getattr(self, name)
-            if not (math.isfinite(value) and value >= 0):
-                raise DdmheError(f"noise: expected a finite {name} of at least 0, found {value}")
+            check_number("noise", getattr(self, name), f"a finite {name} of at least 0", lambda size: size >= 0)
         if self.kind not in ("bounded", "gaussian"):
             raise DdmheError(f"noise: expected kind 'bounded' or 'gaussian', found {self.kind!r}")
-        if not 0 < self.confidence < 1:
-            raise DdmheError(f"noise: expected a confidence in (0, 1), found {self.confidence}")
+        check_number("noise", self.confidence, "a confidence in (0, 1)", lambda value: 0 < value < 1)
 
     def energy(self, n: int, p: int, T: int) -> tuple[float, float, float]:
         """θ of the blocks x(k+1), y(k), x(k) with EEᵀ ⪯ diag(θ I) over T samples.
