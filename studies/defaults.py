@@ -22,8 +22,8 @@ from rich.table import Table
 from scipy.spatial.transform import Rotation
 
 import ddmhe
-from ddmhe.logs import read_log
 from ddmhe.models import TorqueCurve
+from ddmhe.reproduce import pendulum_task
 
 ROOT = Path(__file__).resolve().parents[1]
 DATA = Path(os.environ.get("DDMHE_DATA", ROOT.parent / "shared" / "data"))
@@ -89,13 +89,10 @@ def spin_down(group, model, sigma_x, sigma_y, seed):
 
 
 def pendulum(path):
-    """The pendulum task: every fourth row, 3.6 s recorded after the swing has begun, then to the end; NRMSE."""
-    columns = [[f"omega_{a}_rad_s" for a in "xyz"], [f"acc_{a}_m_s2" for a in "xyz"]]
-    log = read_log(path, *columns, decimate=4)
-    begun = int(np.argmax(np.linalg.norm(log.x, axis=1) > 0.5)) + 20
-    split = read_log(path, *columns, decimate=4, start=log.t[begun]).fill_gaps().split(3.6)
-    (x, y), = split.history.recordings  # fmt: skip
-    return Case("measured pendulum", x, y, split.Y, split.x_true, {"all": len(split.Y)}, relative=True)
+    """The pendulum task; NRMSE."""
+    task = pendulum_task(path)
+    (x, y), = task.history.recordings  # fmt: skip
+    return Case("measured pendulum", x, y, task.Y, task.x, {"all": len(task.Y)}, relative=True)
 
 
 def cases():

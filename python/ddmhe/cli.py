@@ -205,6 +205,48 @@ def tune(log: Path, out: Path, output_noise: float | None, rest: bool, **given: 
     _print_written(console, written)
 
 
+@cli.command()
+@click.argument("name", metavar="NAME|all|real")
+@click.option(
+    "--out", type=click.Path(path_type=Path), default=Path("ddmhe-reproduce"), show_default=True, metavar="DIR"
+)
+@click.option("--data", type=click.Path(path_type=Path), help="real: where the logs are.  [default: DDMHE_DATA]")
+def reproduce(name: str, out: Path, data: Path | None) -> None:
+    """The experiments of the papers again: figures, series, and a verdict on each claim.
+
+    NAME: bench-nominal, bench-noise, bench-disturbance, bench-both (Figs. 2 to 5), bench-mu (Fig. 6), detumbling
+    (Figs. 7 and 8), design (rho0 and mu0), all; or real, every estimator on measured pendulum logs. Writes PNG, SVG,
+    CSV and claims.md into DIR.
+    """
+    from ddmhe.reproduce import EXPERIMENTS, pendulum_logs, reproduce_real, run_experiment, write_claims
+
+    if name not in (*EXPERIMENTS, "all", "real"):
+        raise click.BadParameter(
+            f"expected one of {', '.join(EXPERIMENTS)}, all, real, found {name!r}", param_hint="NAME"
+        )
+    console = Console(width=None if sys.stdout.isatty() else 160)
+    claims: list[Any] = []
+    written: list[Path] = []
+    logs = pendulum_logs(data) if name == "real" else []
+    with Progress(console=console, disable=not console.is_terminal, transient=True) as progress:
+        if logs:
+            task = progress.add_task("real", total=len(logs))
+            result, written = reproduce_real(logs, out, lambda: progress.advance(task))
+            console.print(*result.printed)
+        for each in [] if logs else list(EXPERIMENTS) if name == "all" else [name]:
+            task = progress.add_task(each, total=EXPERIMENTS[each].units)
+            result, paths = run_experiment(each, out, lambda: progress.advance(task))  # noqa: B023
+            progress.remove_task(task)
+            claims += result.claims
+            written += paths
+            console.print(*result.printed, "")
+    if claims:
+        written.append(out / "claims.md")
+        write_claims(written[-1], claims)
+        console.print(report.verdicts(claims))
+    _print_written(console, written)
+
+
 def _targets(log: Path, out: Path | None, plot: Path | None) -> tuple[Path | None, Path | None]:
     """Paths of the CSV and of the figure, None for none."""
     if plot is not None and plot.suffix.lower() not in FIGURES:

@@ -56,7 +56,14 @@ class _Model:
         return x.copy()
 
     def simulate(
-        self, duration: float, dt: float, noise: float = 0.0, seed: int = 0, integrator: str = "euler"
+        self,
+        duration: float,
+        dt: float,
+        noise: float = 0.0,
+        seed: int = 0,
+        integrator: str = "euler",
+        *,
+        disturbance: ArrayLike | None = None,
     ) -> Recording:
         """Simulate N = duration/dt steps from the initial state.
 
@@ -72,7 +79,9 @@ class _Model:
             Seed of numpy's default_rng.
         integrator : "euler" or "accurate"
             Forward Euler with step dt, as in Liu et al. 2026, Eq. (4), or an eighth-order Runge-Kutta method
-            (DOP853) at relative tolerance 1e-12.
+            (DOP853) at relative tolerance 2.3e-14, the smallest that it takes.
+        disturbance : array (N, n)
+            Process disturbance w of (5), in the state's unit: w(k) is added to the state at the end of step k.
 
         Raises
         ------
@@ -86,7 +95,8 @@ class _Model:
         if integrator not in _INTEGRATORS:
             raise DdmheError(f"integrator: expected one of {', '.join(_INTEGRATORS)}, found {integrator!r}")
         t: Array = dt * np.arange(steps + 1, dtype=np.float64)
-        x = _INTEGRATORS[integrator](self, t, dt)
+        w = None if disturbance is None else _shaped("disturbance", disturbance, (steps, self.initial_state.size))
+        x = _INTEGRATORS[integrator](self, t, dt, w)
         if not np.isfinite(x).all():
             raise DdmheError(f"dt: expected one small enough, found that the {integrator!r} motion diverges at {dt} s")
         y = self.output(x)
@@ -348,24 +358,30 @@ def _steps(duration: float, dt: float) -> int:
     return steps
 
 
-def _euler(model: _Model, t: Array, dt: float) -> Array:
+def _euler(model: _Model, t: Array, dt: float, w: Array | None) -> Array:
     """Forward Euler x(k+1) = x(k) + dt f(x(k)), Liu et al. 2026, Eq. (4)."""
     x = np.empty((t.size, model.initial_state.size))
     x[0] = model.initial_state
     with np.errstate(over="ignore", invalid="ignore"):
         for k in range(t.size - 1):
-            x[k + 1] = x[k] + dt * model.derivative(x[k])
+            x[k + 1] = x[k] + dt * model.derivative(x[k]) + (0.0 if w is None else w[k])
     return x
 
 
-def _accurate(model: _Model, t: Array, dt: float) -> Array:
+def _accurate(model: _Model, t: Array, dt: float, w: Array | None) -> Array:
     from scipy.integrate import solve_ivp
 
-    solution = solve_ivp(
-        lambda _, x: model.derivative(x), (0.0, t[-1]), model.initial_state, "DOP853", t_eval=t, rtol=1e-12, atol=1e-14
-    )
-    x: Array = np.full((t.size, model.initial_state.size), np.nan)
-    x[: solution.y.shape[1]] = solution.y.T
+    def motion(x_0: Array, times: Array) -> Array:
+        found = solve_ivp(
+            lambda _, x: model.derivative(x), (0.0, times[-1]), x_0, "DOP853", t_eval=times, rtol=2.3e-14, atol=1e-16
+        ).y.T
+        return np.asarray(np.vstack([found, np.full((len(times) - len(found), len(x_0)), np.nan)]))
+
+    if w is None:
+        return motion(model.initial_state, t)
+    x = np.vstack([model.initial_state, np.empty_like(w)])
+    for k in range(len(w)):
+        x[k + 1] = motion(x[k], np.array([0.0, dt]))[-1] + w[k]
     return x
 
 

@@ -21,10 +21,18 @@ if TYPE_CHECKING:
 
     from ddmhe.design import AffineModel, PolePlacement
     from ddmhe.design.regions import Region
+    from ddmhe.reproduce.montecarlo import Trials
 
 Array = NDArray[np.float64]
 
-__all__ = ["estimate_figure", "pole_figure", "tuning_figure"]
+__all__ = [
+    "estimate_figure",
+    "outputs_figure",
+    "pole_figure",
+    "sweep_figure",
+    "trials_figure",
+    "tuning_figure",
+]
 
 _TRUTH: dict[str, Any] = {"linewidth": 3.5, "alpha": 0.35}
 _ESTIMATE: dict[str, Any] = {"linewidth": 1.2}
@@ -196,3 +204,91 @@ def _legend(axes: Axes, names: Sequence[str], truth: bool) -> None:
 def _color(i: int) -> tuple[float, float, float, float]:
     rgba: tuple[float, float, float, float] = colormaps["tab10"](i % 10)
     return rgba
+
+
+def trials_figure(
+    trials: Trials,
+    *,
+    names: Sequence[str],
+    quantity: str,
+    estimators: Sequence[str],
+    scale: float = 1.0,
+    event: tuple[float, float] | None = None,
+    band: float | None = None,
+) -> Figure:
+    """True and estimated states of the first seed, a panel per state; below, the errors of all seeds on a log axis.
+
+    Parameters
+    ----------
+    trials : Trials
+        An experiment of `ddmhe.reproduce`.
+    names : n names of the states
+    quantity : label with its unit in brackets, of states times `scale`
+    estimators : which to draw
+    event : when noise or disturbance is large, s
+    band : half width of the constraint around the box's centre, in the states' unit: drawn as a level of the error
+    """
+    n = len(names)
+    figure = Figure(figsize=(9.5, 2.2 * n + 3.4), layout="constrained")
+    panels = np.atleast_1d(figure.subplots(n + 1, 1, sharex=True, height_ratios=[2] * n + [3]))
+    first = trials.all[0]
+    for i, (axes, name) in enumerate(zip(panels[:n], names, strict=True)):
+        truth = scale * first.x[:, i]
+        axes.plot(trials.t, truth, color="0.2", label="true", **_TRUTH)
+        room = max(float(np.ptp(truth)), 1e-12)
+        for k, estimator in enumerate(estimators):
+            axes.plot(trials.t, scale * first.x_hat[estimator][:, i], color=_color(k), label=estimator, **_ESTIMATE)
+        axes.set_ylim(truth.min() - 0.4 * room, truth.max() + 0.4 * room)
+        axes.set_ylabel(f"{name}\n{quantity}" if n == 1 else f"{name} ({quantity.split('(')[-1]}")
+        axes.grid(alpha=0.3)
+    below = panels[n]
+    floor, top = np.inf, 0.0
+    for k, estimator in enumerate(estimators):
+        lo, median, hi = scale * trials.band(estimator)
+        below.plot(trials.t, median, color=_color(k), **_ESTIMATE)
+        below.fill_between(trials.t, lo, np.minimum(hi, 1e12), color=_color(k), alpha=0.15, linewidth=0)
+        floor = min(floor, float(np.min(np.where(median > 0, median, np.inf)[5:])))
+        top = max(top, float(np.max(np.where(np.isfinite(median), median, 0.0))))
+    if band is not None:
+        below.axhline(scale * band, color="0.4", linestyle="--", linewidth=1, label="half width of the box")
+        below.legend(loc="upper left", fontsize="x-small")
+    spread = scale * float(np.abs(first.x).max())
+    below.set_yscale("log")
+    below.set_ylim(max(floor / 2, 1e-9 * spread), min(3 * top, 100 * spread))
+    below.set_ylabel(f"|error|: median and 90 %\nof {len(trials.all)} seeds ({quantity.split('(')[-1]}")
+    below.set_xlabel("time (s)")
+    below.grid(alpha=0.3)
+    for axes in panels:
+        if event is not None:
+            axes.axvspan(*event, color="tab:red", alpha=0.08, zorder=0)
+    panels[0].legend(loc="upper right", ncols=2, fontsize="x-small")
+    return figure
+
+
+def sweep_figure(
+    values: Array, curves: Mapping[str, Array], parameter: str, quantity: str, *, chosen: float | None = None
+) -> Figure:
+    """Errors over a parameter on log axes: curves (K, 3) with the ends of the 90 % band about the median."""
+    figure = Figure(figsize=(8, 4.8), layout="constrained")
+    axes = figure.subplots()
+    for k, (name, curve) in enumerate(curves.items()):
+        axes.plot(values, curve[:, 1], "o-", color=_color(k), label=name)
+        axes.fill_between(values, curve[:, 0], curve[:, 2], color=_color(k), alpha=0.15, linewidth=0)
+    if chosen is not None:
+        axes.axvline(chosen, color="0.5", linestyle=":", label="the paper's value")
+    axes.set(xscale="log", yscale="log", xlabel=parameter, ylabel=quantity)
+    axes.grid(alpha=0.3)
+    axes.legend()
+    return figure
+
+
+def outputs_figure(t: Array, y: Array, names: Sequence[str], quantity: str) -> Figure:
+    """Measured outputs (N, p) over time."""
+    figure = Figure(figsize=(9, 4), layout="constrained")
+    axes = figure.subplots()
+    for i, name in enumerate(names):
+        axes.plot(t, y[:, i], color=_color(i), label=name, linewidth=0.9)
+    axes.set(xlabel="time (s)", ylabel=quantity)
+    axes.grid(alpha=0.3)
+    axes.legend()
+    return figure

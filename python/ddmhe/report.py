@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from ddmhe.design import AffineModel, Certificate, PolePlacement
+    from ddmhe.reproduce import Claim
 
 Array = NDArray[np.float64]
 
@@ -31,6 +32,7 @@ __all__ = [
     "scores",
     "settings",
     "table",
+    "verdicts",
     "write_estimates",
 ]
 
@@ -133,6 +135,16 @@ def scores(title: str, best: pd.DataFrame) -> Table:
         quarters = " ".join(f"{row[key]:.1e}" for key in row if str(key).startswith("quarter"))
         cells = [str(row["horizon"]), f"{row['mu']:.2g}", space, "yes" if row["equilibrium"] else "no"]
         result.add_row(*cells, f"{np.exp(row['score']):.2e}", quarters, f"{row['spectral radius']:.3f}")
+    return result
+
+
+def verdicts(claims: Sequence[Claim]) -> Table:
+    """What the papers claim and whether it holds."""
+    result = Table(
+        "source", "claim", "printed", "ours", "verdict", title="Claims", title_justify="left", show_lines=True
+    )
+    for claim in claims:
+        result.add_row(claim.source, claim.claim, claim.printed, claim.ours, claim.verdict)
     return result
 
 

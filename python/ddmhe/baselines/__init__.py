@@ -1,0 +1,26 @@
+"""What a user could take instead of Dd-MHE, implemented as well as we can: the estimators that studies compare with.
+
+- `KoopmanMhe`, `ErrorStateKalman`: the two methods that Liu et al. 2026 compare with.
+- `ArxKalman`, `RidgeFir`: the usual data-driven choices, a Kalman filter on an identified model and a regression.
+- `Oracle`: a Kalman filter (extended or unscented) that knows the true model: a limit for everything else.
+
+All share one interface with `DdMhe`: `step(y_t)` consumes the next output and returns the estimate of the state right
+after it (step t consumes y(t-1) and gives x̂(t)), `run(Y)` does it for many, `reset(x_prior)` starts again.
+"""
+
+from ddmhe.baselines.base import Baseline, Estimate, Log
+from ddmhe.baselines.kalman import ArxKalman, ErrorStateKalman, Oracle
+from ddmhe.baselines.koopman import KoopmanMhe, thin_plate
+from ddmhe.baselines.regression import RidgeFir
+
+__all__ = [
+    "ArxKalman",
+    "Baseline",
+    "ErrorStateKalman",
+    "Estimate",
+    "KoopmanMhe",
+    "Log",
+    "Oracle",
+    "RidgeFir",
+    "thin_plate",
+]

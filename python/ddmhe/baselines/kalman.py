@@ -1,0 +1,263 @@
+"""Kalman filters: on a data model (Dd-ESKF), on an identified vector-ARX model, and with the true model."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, Literal
+
+import numpy as np
+import scipy.linalg
+from numpy.typing import ArrayLike, NDArray
+
+from ddmhe._core import DdmheError, History, RankError
+from ddmhe.baselines.base import Baseline, single_recording
+from ddmhe.design.model import identify
+
+Array = NDArray[np.float64]
+
+__all__ = ["ArxKalman", "ErrorStateKalman", "Oracle", "update"]
+
+
+def update(x: Array, P: Array, innovation: Array, C: Array, R: Array) -> tuple[Array, Array]:
+    """x and P after a measurement, in Joseph's form; entries of the innovation that are NaN were not measured."""
+    seen = ~np.isnan(innovation)
+    if not seen.any():
+        return x, P
+    C, R = C[seen], R[np.ix_(seen, seen)]
+    gain = scipy.linalg.solve(C @ P @ C.T + R, C @ P, assume_a="pos").T
+    rest = np.eye(len(x)) - gain @ C
+    return x + gain @ innovation[seen], rest @ P @ rest.T + gain @ R @ gain.T
+
+
+class ErrorStateKalman(Baseline):
+    """Dd-ESKF: an error-state Kalman filter on the least-squares model of the recording.
+
+    The nominal state runs through the model, the filter estimates its error and feeds it back at every step, as Liu et
+    al. 2026 compare with (Q = 1e5, R = 1e3 there, both times identity). Without Q and R it is tuned from the recording:
+    the residual covariances of the model.
+
+    Parameters
+    ----------
+    history : History
+        The recording.
+    Q, R : float
+        Process and measurement noise covariance, times identity; units of the state and of the output squared.
+    affine : bool
+        Model with offsets e and r; without them it is the linear one, [A; C] = [X1; Y0] X0⁺.
+    x_prior : (n,)
+        Default: the last recorded state.
+    """
+
+    def __init__(
+        self,
+        history: History,
+        Q: float | None = None,
+        R: float | None = None,
+        *,
+        affine: bool = True,
+        x_prior: ArrayLike | None = None,
+    ) -> None:
+        """Check, identify and start."""
+        x, y = single_recording(history)
+        super().__init__(x.shape[1], y.shape[1], x[-1] if x_prior is None else x_prior)
+        for name, value in (("Q", Q), ("R", R)):
+            if value is not None and not (np.isfinite(value) and value > 0):
+                raise DdmheError(f"{name}: expected a positive number, found {value}")
+        if affine:
+            model = identify(history)
+            self.A, self.e, self.C, self.r = model.A, model.e, model.C, model.r
+        else:
+            theta: Array = np.linalg.lstsq(x[:-1], np.hstack([x[1:], y]), rcond=None)[0].T.astype(np.float64)
+            self.A, self.C = theta[: self.n], theta[self.n :]
+            self.e, self.r = np.zeros(self.n), np.zeros(self.p)
+        self.Q = _covariance(Q, x[1:] - x[:-1] @ self.A.T - self.e, x)
+        self.R = _covariance(R, y - x[:-1] @ self.C.T - self.r, y)
+        self.reset()
+
+    def _start(self, x_prior: Array) -> None:
+        self._x, self._P = x_prior, np.zeros((self.n, self.n))
+
+    def _step(self, y: Array) -> Array:
+        innovation = y - self.C @ self._x - self.r
+        error, P = update(np.zeros(self.n), self._P + _tiny(self.Q), innovation, self.C, self.R)
+        self._x = self.A @ (self._x + error) + self.e
+        self._P = self.A @ P @ self.A.T + self.Q
+        return self._x.copy()
+
+
+class ArxKalman(Baseline):
+    """A Kalman filter on a vector-ARX model of states and outputs together: what system identification would do.
+
+    z(k) = [x(k); y(k)] = c + A_1 z(k-1) + … + A_L z(k-L) + ε(k) by ridge regression; the filter runs on the last L
+    values of z, of which the outputs are measured. Hidden states are covered by the lags.
+
+    Parameters
+    ----------
+    history : History
+        The recording.
+    order : int
+        Number of lags L. Default: the best of 1, 2, 3, 5 and 8 by Schwarz's criterion (BIC).
+    """
+
+    ORDERS = (1, 2, 3, 5, 8)
+
+    def __init__(self, history: History, order: int | None = None) -> None:
+        """Check, identify and start."""
+        x, y = single_recording(history)
+        super().__init__(x.shape[1], y.shape[1], x[-1])
+        z = np.hstack([x[:-1], y])
+        if order is not None and order < 1:
+            raise DdmheError(f"order: expected at least 1, found {order}")
+        orders = [order] if order is not None else [L for L in self.ORDERS if len(z) > (L + 1) * (z.shape[1] + 1)]
+        if not orders or len(z) <= orders[0] + 1:
+            raise RankError(f"history: expected more than {2 * (z.shape[1] + 1)} samples, found {len(z)}")
+        _, self.order, self._offset, self._lags, noise = min((_arx(z, L) for L in orders), key=lambda fit: fit[0])
+        m, L = z.shape[1], self.order
+        self._A = np.zeros((m * L, m * L))
+        self._A[:m] = self._lags
+        self._A[m:, :-m] = np.eye(m * (L - 1))
+        self._Q = np.zeros((m * L, m * L))
+        self._Q[:m, :m] = noise
+        self._C = np.zeros((self.p, m * L))
+        self._C[:, self.n : m] = np.eye(self.p)
+        self._R = 1e-6 * np.diag(y.var(axis=0) + 1e-300)
+        self._recent = z[::-1][:L].ravel()
+        self.reset()
+
+    def _start(self, x_prior: Array) -> None:
+        self._s = self._predicted(self._recent)
+        self._s[: self.n] = x_prior
+        self._P = self._Q.copy()
+        self._P[: self.n] = self._P[:, : self.n] = 0.0
+
+    def _predicted(self, s: Array) -> Array:
+        forward = self._A @ s
+        forward[: self.n + self.p] += self._offset
+        return forward
+
+    def _step(self, y: Array) -> Array:
+        self._s, self._P = update(self._s, self._P, y - self._C @ self._s, self._C, self._R)
+        self._s, self._P = self._predicted(self._s), self._A @ self._P @ self._A.T + self._Q
+        return self._s[: self.n].copy()
+
+
+class Oracle(Baseline):
+    """A Kalman filter that knows the true model and noise: the limit that no data-driven method can pass.
+
+    Parameters
+    ----------
+    model : a system of `ddmhe.models`
+        The truth; it moves by forward Euler with step dt, as it was simulated.
+    dt : float
+        Sampling interval, s.
+    x_prior : (n,)
+        State at the first output.
+    noise : float
+        Standard deviation of the outputs' noise.
+    prior : float
+        Standard deviation of x_prior's error.
+    motion : float
+        Standard deviation of the process noise per step.
+    kind : "ekf" or "ukf"
+        Linearised along the estimate, or by sigma points (Julier, Uhlmann 1997; kappa = 3 - n).
+    """
+
+    def __init__(
+        self,
+        model: Any,
+        dt: float,
+        x_prior: ArrayLike,
+        noise: float,
+        *,
+        prior: float = 0.0,
+        motion: float = 0.0,
+        kind: Literal["ekf", "ukf"] = "ekf",
+    ) -> None:
+        """Check, identify and start."""
+        x = np.asarray(x_prior, dtype=np.float64)
+        super().__init__(len(x), len(model.output(x)), x)
+        if kind not in ("ekf", "ukf"):
+            raise DdmheError(f"kind: expected 'ekf' or 'ukf', found {kind!r}")
+        self._kind = kind
+        self._output: Callable[[Array], Array] = lambda x: np.asarray(model.output(x))
+        self._forward: Callable[[Array], Array] = lambda x: np.asarray(x + dt * model.derivative(x))
+        size = float(np.linalg.norm(x)) or 1.0
+        self._P_0 = max(prior, 1e-9 * size) ** 2 * np.eye(self.n)
+        self._Q = max(motion, 1e-9 * size) ** 2 * np.eye(self.n)
+        self._R = max(noise, 1e-12) ** 2 * np.eye(self.p)
+        self.reset()
+
+    def _start(self, x_prior: Array) -> None:
+        self._x, self._P = x_prior, self._P_0
+
+    def _step(self, y: Array) -> Array:
+        if self._kind == "ekf":
+            C = _slope(self._output, self._x)
+            x, P = update(self._x, self._P, y - self._output(self._x), C, self._R)
+            A = _slope(self._forward, x)
+            self._x, self._P = self._forward(x), A @ P @ A.T + self._Q
+        else:
+            x, P = self._unscented_update(y)
+            points, weights = _sigma_points(x, P)
+            moved = self._forward(points)
+            self._x = weights @ moved
+            self._P = (weights * (moved - self._x).T) @ (moved - self._x) + self._Q
+        return self._x.copy()
+
+    def _unscented_update(self, y: Array) -> tuple[Array, Array]:
+        seen = ~np.isnan(y)
+        if not seen.any():
+            return self._x, self._P
+        points, weights = _sigma_points(self._x, self._P)
+        outputs = self._output(points)[:, seen]
+        mean = weights @ outputs
+        S = (weights * (outputs - mean).T) @ (outputs - mean) + self._R[np.ix_(seen, seen)]
+        cross = (weights * (points - self._x).T) @ (outputs - mean)
+        gain = scipy.linalg.solve(S, cross.T, assume_a="pos").T
+        return self._x + gain @ (y[seen] - mean), self._P - gain @ S @ gain.T
+
+
+def _covariance(given: float | None, residuals: Array, signal: Array) -> Array:
+    """`given` times identity, or the residuals' covariance, never below rounding."""
+    if given is not None:
+        return float(given) * np.eye(residuals.shape[1])
+    floor = 1e-20 * (np.mean(signal**2, axis=0) + 1e-300)
+    return residuals.T @ residuals / len(residuals) + np.diag(floor)
+
+
+def _tiny(Q: Array) -> Array:
+    """A first covariance: the last recorded state is known up to the recording's own errors."""
+    return np.asarray(1e-12 * Q)
+
+
+def _arx(z: Array, L: int) -> tuple[float, int, Array, Array, Array]:
+    """(BIC, L, offset (m,), lags (m, mL), residual covariance (m, m)) of the ARX model with L lags."""
+    m = z.shape[1]
+    mean, scale = z.mean(axis=0), z.std(axis=0) + 1e-300
+    s = (z - mean) / scale
+    past = np.hstack([s[L - i - 1 : len(s) - i - 1] for i in range(L)])
+    theta = np.linalg.solve(past.T @ past + 1e-8 * len(past) * np.eye(m * L), past.T @ s[L:])
+    residual = s[L:] - past @ theta
+    free = max(len(past) - m * L - 1, 1)
+    covariance = residual.T @ residual / free + 1e-16 * np.eye(m)
+    bic = len(past) * np.linalg.slogdet(residual.T @ residual / len(past) + 1e-16 * np.eye(m))[1]
+    bic += m * (m * L + 1) * np.log(len(past))
+    lags = (scale[:, None] * theta.T) / np.tile(scale, L)
+    return float(bic), L, mean - lags @ np.tile(mean, L), lags, covariance * np.outer(scale, scale)
+
+
+def _slope(f: Callable[[Array], Array], x: Array) -> Array:
+    """Derivative of f at x by central differences; f takes many states at once."""
+    h = 1e-6 * (float(np.linalg.norm(x)) or 1.0)
+    steps = h * np.eye(len(x))
+    return np.asarray((f(x + steps) - f(x - steps)).T / (2 * h))
+
+
+def _sigma_points(x: Array, P: Array) -> tuple[Array, Array]:
+    """2n+1 points (2n+1, n) and their weights with the mean x and the covariance P."""
+    n = len(x)
+    kappa = max(3.0 - n, 0.0)
+    spread = np.linalg.cholesky((n + kappa) * 0.5 * (P + P.T)).T
+    weights = np.full(2 * n + 1, 0.5 / (n + kappa))
+    weights[0] = kappa / (n + kappa)
+    return np.vstack([x, x + spread, x - spread]), weights

@@ -1,0 +1,68 @@
+"""A finite impulse response: the state as a linear function of the last outputs, by ridge regression."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ddmhe._core import DdmheError, History, RankError
+from ddmhe.baselines.base import Baseline, single_recording
+
+Array = NDArray[np.float64]
+
+__all__ = ["RidgeFir"]
+
+
+class RidgeFir(Baseline):
+    """x̂(t) = c + W [y(t-L); …; y(t-1)], W by ridge regression on the recording.
+
+    Parameters
+    ----------
+    history : History
+        The recording; its last outputs are the first window.
+    length : int
+        Number of outputs L in the window. Default: a fifth of the recording, at most 40.
+    weight : float
+        Ridge weight in units of the largest squared singular value. Default: by generalised cross-validation (Golub,
+        Heath, Wahba 1979).
+    """
+
+    WEIGHTS = tuple(10.0**k for k in range(-12, 1))
+
+    def __init__(self, history: History, length: int | None = None, weight: float | None = None) -> None:
+        """Check, identify and start."""
+        x, y = single_recording(history)
+        super().__init__(x.shape[1], y.shape[1], x[-1])
+        self.length = min(max(len(y) // 5, 1), 40) if length is None else length
+        if self.length < 1:
+            raise DdmheError(f"length: expected at least 1, found {length}")
+        if len(y) < self.length + 2:
+            raise RankError(f"history: expected at least {self.length + 2} samples for {self.length}, found {len(y)}")
+        if weight is not None and not (np.isfinite(weight) and weight >= 0):
+            raise DdmheError(f"weight: expected a finite number of at least 0, found {weight}")
+        windows = np.array([y[k : k + self.length].ravel() for k in range(len(y) - self.length + 1)])
+        self._mean_y, self._mean_x = windows.mean(axis=0), x[self.length :].mean(axis=0)
+        U, s, Vt = np.linalg.svd(windows - self._mean_y, full_matrices=False)
+        projected = U.T @ (x[self.length :] - self._mean_x)
+        outside = np.sum((x[self.length :] - self._mean_x) ** 2) - np.sum(projected**2)
+
+        def score(share: float) -> float:
+            shrink = s**2 / (s**2 + share * s[0] ** 2 + 1e-300)
+            residual = np.sum(((1 - shrink)[:, None] * projected) ** 2) + max(outside, 0.0)
+            return float(residual / max(len(windows) - 1 - shrink.sum(), 1e-9) ** 2)
+
+        self.weight = min(self.WEIGHTS, key=score) if weight is None else weight
+        gains = s / (s**2 + self.weight * s[0] ** 2 + 1e-300)
+        self.W = (Vt.T * gains @ projected).T
+        self._recent = y[len(y) - self.length + 1 :]
+        self.reset()
+
+    def _start(self, x_prior: Array) -> None:
+        self._window = self._recent.copy()
+
+    def _step(self, y: Array) -> Array:
+        last = self._window[-1] if len(self._window) else self._mean_y[: self.p]
+        filled = np.where(np.isnan(y), last, y)  # a lacking output keeps its last value
+        window = np.vstack([self._window, filled])
+        self._window = window[1:]
+        return np.asarray(self._mean_x + self.W @ (window.ravel() - self._mean_y))
