@@ -62,5 +62,5 @@ study-tuning: setup ## tuned settings against the best in hindsight
 	$(PY) studies/tuning.py
 
 clean: ## removes everything that was made
-	rm -rf .venv target dist ddmhe-demo ddmhe-design ddmhe-tune python/ddmhe/_core*.so .mypy_cache .pytest_cache .ruff_cache
+	rm -rf .venv target dist ddmhe-demo ddmhe-design ddmhe-tune ddmhe-reproduce python/ddmhe/_core*.so .mypy_cache .pytest_cache .ruff_cache
 	find python tests -name __pycache__ -prune -exec rm -rf {} +
