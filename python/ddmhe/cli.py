@@ -228,12 +228,13 @@ def reproduce(name: str, out: Path, data: Path | None) -> None:
     claims: list[Any] = []
     written: list[Path] = []
     logs = pendulum_logs(data) if name == "real" else []
+    names = {"all": list(EXPERIMENTS), "real": []}.get(name, [name])
     with Progress(console=console, disable=not console.is_terminal, transient=True) as progress:
         if logs:
             task = progress.add_task("real", total=len(logs))
             result, written = reproduce_real(logs, out, lambda: progress.advance(task))
             console.print(*result.printed)
-        for each in [] if logs else list(EXPERIMENTS) if name == "all" else [name]:
+        for each in names:
             task = progress.add_task(each, total=EXPERIMENTS[each].units)
             result, paths = run_experiment(each, out, lambda: progress.advance(task))  # noqa: B023
             progress.remove_task(task)

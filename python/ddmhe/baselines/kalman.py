@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ddmhe._core import DdmheError, History, RankError
 from ddmhe.baselines.base import Baseline, single_recording
+from ddmhe.design.arguments import check_number
 from ddmhe.design.model import identify
 
 Array = NDArray[np.float64]
@@ -61,8 +62,8 @@ class ErrorStateKalman(Baseline):
         x, y = single_recording(history)
         super().__init__(x.shape[1], y.shape[1], x[-1] if x_prior is None else x_prior)
         for name, value in (("Q", Q), ("R", R)):
-            if value is not None and not (np.isfinite(value) and value > 0):
-                raise DdmheError(f"{name}: expected a positive number, found {value}")
+            if value is not None:
+                check_number(name, value, "a positive number", lambda size: size > 0)
         if affine:
             model = identify(history)
             self.A, self.e, self.C, self.r = model.A, model.e, model.C, model.r
@@ -111,10 +112,10 @@ class ArxKalman(Baseline):
         orders = [order] if order is not None else [L for L in self.ORDERS if len(z) > (L + 1) * (z.shape[1] + 1)]
         if not orders or len(z) <= orders[0] + 1:
             raise RankError(f"history: expected more than {2 * (z.shape[1] + 1)} samples, found {len(z)}")
-        _, self.order, self._offset, self._lags, noise = min((_arx(z, L) for L in orders), key=lambda fit: fit[0])
+        _, self.order, self._offset, lags, noise = min((_arx(z, L) for L in orders), key=lambda fit: fit[0])
         m, L = z.shape[1], self.order
         self._A = np.zeros((m * L, m * L))
-        self._A[:m] = self._lags
+        self._A[:m] = lags
         self._A[m:, :-m] = np.eye(m * (L - 1))
         self._Q = np.zeros((m * L, m * L))
         self._Q[:m, :m] = noise
@@ -173,7 +174,7 @@ class Oracle(Baseline):
         motion: float = 0.0,
         kind: Literal["ekf", "ukf"] = "ekf",
     ) -> None:
-        """Check, identify and start."""
+        """Check and start."""
         x = np.asarray(x_prior, dtype=np.float64)
         super().__init__(len(x), len(model.output(x)), x)
         if kind not in ("ekf", "ukf"):

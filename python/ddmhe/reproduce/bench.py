@@ -37,17 +37,26 @@ BOX = 10 * math.pi / 60
 MUS = tuple(10.0**k for k in range(-2, 8))
 """The sweep of Fig. 6; the paper's own values are not legible."""
 
+MHE, DEFAULTS, KMHE, ESKF, TUNED, EKF = (
+    "Dd-MHE, paper's weights",
+    "Dd-MHE, defaults",
+    "Dd-KMHE, paper's weights",
+    "Dd-ESKF, Q = 1e5, R = 1e3",
+    "Dd-ESKF, tuned",
+    "EKF with the true model",
+)
+
 
 def estimators(history: History, model: models.SpinDown, x_0: Array, mu: float = MU) -> Estimators:
     """What takes part, by name."""
     box: dict[str, Any] = {"x_bounds": (-BOX, BOX), "x_center": "history"}
     return {
-        "Dd-MHE, paper's weights": lambda: DdMhe(history, M, RHO, mu, space=Truncated(1), **box),
-        "Dd-MHE, defaults": lambda: DdMhe(history, **box),
-        "Dd-KMHE, paper's weights": lambda: KoopmanMhe(history, M, RHO, mu),
-        "Dd-ESKF, Q = 1e5, R = 1e3": lambda: ErrorStateKalman(history, 1e5, 1e3),
-        "Dd-ESKF, tuned": lambda: ErrorStateKalman(history),
-        "EKF with the true model": lambda: Oracle(model, DT, x_0, NOISE, prior=0.05, motion=0.02),
+        MHE: lambda: DdMhe(history, M, RHO, mu, space=Truncated(1), **box),
+        DEFAULTS: lambda: DdMhe(history, **box),
+        KMHE: lambda: KoopmanMhe(history, M, RHO, mu),
+        ESKF: lambda: ErrorStateKalman(history, 1e5, 1e3),
+        TUNED: lambda: ErrorStateKalman(history),
+        EKF: lambda: Oracle(model, DT, x_0, NOISE, prior=0.05, motion=0.02),
     }
 
 
@@ -68,19 +77,11 @@ def trial(seed: int, noisy: bool = False, disturbed: bool = False, mu: float = M
     history = History(record.x_recorded[: T + 1], y[:T], dt=DT)
     taken = estimators(history, model, record.x_recorded[T], mu)
     if swept:
-        taken = {name: make for name, make in taken.items() if "paper's weights" in name}
+        taken = {name: taken[name] for name in (MHE, KMHE)}
     found = estimates(taken, y[T:-1], 1)
     return Trial(np.asarray(t[T + 1 :]), record.x[T + 1 :], y[T:-1], found)
 
 
-MHE, DEFAULTS, KMHE, ESKF, TUNED, EKF = (
-    "Dd-MHE, paper's weights",
-    "Dd-MHE, defaults",
-    "Dd-KMHE, paper's weights",
-    "Dd-ESKF, Q = 1e5, R = 1e3",
-    "Dd-ESKF, tuned",
-    "EKF with the true model",
-)
 BEFORE, DURING, AFTER = (0.0, 1.0), (1.0, 1.5), (1.6, 2.5)
 """Spans of the errors, s after the history; AFTER leaves the estimators 0.1 s to recover."""
 

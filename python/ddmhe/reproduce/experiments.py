@@ -13,11 +13,11 @@ import pandas as pd
 from numpy.typing import NDArray
 from rich.table import Table
 
-from ddmhe import demo
+from ddmhe import demo, report
 from ddmhe._core import DdmheError
 from ddmhe.reproduce import bench, satellite
 from ddmhe.reproduce.claims import Claim
-from ddmhe.reproduce.montecarlo import Trials, run_trials
+from ddmhe.reproduce.montecarlo import ENDS, Trials, percentiles, run_trials
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -45,9 +45,8 @@ class Result:
 
 @dataclass(frozen=True)
 class Experiment:
-    """A name, what it is, how many units of progress it takes, and how to run it."""
+    """How many units of progress it takes, and how to run it."""
 
-    what: str
     units: int
     run: Callable[[Callable[[], None]], Result]
 
@@ -63,7 +62,7 @@ def run_experiment(name: str, directory: Path, advance: Callable[[], None]) -> t
     for stem, figure in result.figures.items():
         for ending in ("png", "svg"):
             written.append(directory / f"{stem}.{ending}")
-            figure.savefig(written[-1], dpi=150)
+            report.save_figure(figure, written[-1])
     return result, written
 
 
@@ -99,13 +98,12 @@ def _mu(advance: Callable[[], None]) -> Result:
 
     sweep = {mu: run_trials(bench.trial, range(SWEEP_SEEDS), advance, mu=mu, swept=True) for mu in bench.MUS}
     curves = {
-        name: np.array([np.percentile(trials.rms(name), [5, 50, 95], method="nearest") for trials in sweep.values()])
-        for name in (bench.MHE, bench.KMHE)
+        name: np.array([percentiles(trials.rms(name)) for trials in sweep.values()]) for name in (bench.MHE, bench.KMHE)
     }
     figure = sweep_figure(np.array(bench.MUS), curves, "weight mu on the fitted noise", "RMSE (rad/s)", chosen=bench.MU)
     frame = pd.DataFrame({"mu": bench.MUS})
     for name, curve in curves.items():
-        for k, end in enumerate(("5 %", "median", "95 %")):
+        for k, end in enumerate(ENDS):
             frame[f"{name}: {end}"] = curve[:, k]
     table = Table("mu", *curves, title=f"bench-mu: RMSE in rad/s, median of {SWEEP_SEEDS} seeds", title_justify="left")
     for k, mu in enumerate(bench.MUS):
@@ -131,7 +129,7 @@ def _detumbling(advance: Callable[[], None]) -> Result:
             row: dict[str, Any] = {"torque noise (N m)": noise, "history noise (rad/s)": recorded, "estimator": name}
             for span in satellite.SPANS:
                 errors = np.rad2deg(trials.rms(name, 0.0, span))
-                for end, value in zip(("5 %", "median", "95 %"), _percentiles(errors), strict=True):
+                for end, value in zip(ENDS, percentiles(errors), strict=True):
                     row[f"RMSE {span:g} s, {end} (deg/s)"] = value
             rows.append(row)
     frame = pd.DataFrame(rows)
@@ -148,7 +146,7 @@ def _detumbling(advance: Callable[[], None]) -> Result:
             "/".join(_short(np.median(np.rad2deg(t.rms(name, 0, s)))) for s in satellite.SPANS) for t in found.values()
         ]
         table.add_row(name, *cells)
-    shown = (satellite.MHE, satellite.DEFAULTS, satellite.KMHE, "Dd-ESKF, Q = 1e5, R = 1e3", satellite.EKF)
+    shown = (satellite.MHE, satellite.DEFAULTS, satellite.KMHE, satellite.ESKF, satellite.EKF)
     figures = {
         "detumbling-output": outputs_figure(nominal.t, nominal.all[0].y, ("x", "y", "z"), "torque on the chaser (N m)"),
     }
@@ -168,11 +166,12 @@ def _detumbling(advance: Callable[[], None]) -> Result:
 def _design(advance: Callable[[], None]) -> Result:
     from ddmhe.reproduce import design
 
-    frame = design.placements()
+    histories = design.recordings()
+    frame = design.placements(histories)
     table = Table(*frame.columns[:-1], title="design: Algorithm 2", title_justify="left")
     for row in frame.drop(columns="outcome").itertuples(index=False):
         table.add_row(*(f"{cell:.4g}" if isinstance(cell, float) else str(cell) for cell in row))
-    claims = design.claims(frame)
+    claims = design.claims(frame, histories)
     advance()
     return Result(claims, {"design": frame}, {}, [table])
 
@@ -226,17 +225,13 @@ def _markdown(scores: pd.DataFrame, summary: list[tuple[float, str, float, float
 # --- tables
 
 
-def _percentiles(values: Array) -> Array:
-    return np.asarray(np.percentile(values, [5, 50, 95], method="nearest"))
-
-
 def _short(value: float) -> str:
     return f"{value:.3g}" if value < 1e6 else "inf"
 
 
 def _errors(trials: Trials, spans: dict[str, tuple[float, float]]) -> dict[str, dict[str, Array]]:
     return {
-        name: {label: _percentiles(trials.rms(name, *span)) for label, span in spans.items()} for name in trials.names
+        name: {label: percentiles(trials.rms(name, *span)) for label, span in spans.items()} for name in trials.names
     }
 
 
@@ -258,23 +253,19 @@ def _series(trials: Trials) -> pd.DataFrame:
         for name, x_hat in first.x_hat.items():
             frame[f"x{i + 1} {name}"] = x_hat[:, i]
     for name in trials.names:
-        for end, values in zip(("5 %", "median", "95 %"), trials.band(name), strict=True):
+        for end, values in zip(ENDS, trials.band(name), strict=True):
             frame[f"error {name}: {end}"] = values
     return pd.DataFrame(frame)
 
 
 EXPERIMENTS: dict[str, Experiment] = {
-    "bench-nominal": Experiment("Fig. 2", SEEDS, _bench("bench-nominal", bench.claims_nominal)),
-    "bench-noise": Experiment("Fig. 3", SEEDS, _bench("bench-noise", bench.claims_noise, noisy=True)),
-    "bench-disturbance": Experiment(
-        "Fig. 4", SEEDS, _bench("bench-disturbance", bench.claims_disturbance, disturbed=True)
-    ),
-    "bench-both": Experiment("Fig. 5", SEEDS, _bench("bench-both", bench.claims_both, noisy=True, disturbed=True)),
-    "bench-mu": Experiment("Fig. 6", SWEEP_SEEDS * len(bench.MUS), _mu),
-    "detumbling": Experiment(
-        "Figs. 7 and 8, all estimators", SEEDS * len(satellite.NOISES) * len(satellite.RECORDED), _detumbling
-    ),
-    "design": Experiment("rho0 and mu0 of both experiments", 1, _design),
+    "bench-nominal": Experiment(SEEDS, _bench("bench-nominal", bench.claims_nominal)),
+    "bench-noise": Experiment(SEEDS, _bench("bench-noise", bench.claims_noise, noisy=True)),
+    "bench-disturbance": Experiment(SEEDS, _bench("bench-disturbance", bench.claims_disturbance, disturbed=True)),
+    "bench-both": Experiment(SEEDS, _bench("bench-both", bench.claims_both, noisy=True, disturbed=True)),
+    "bench-mu": Experiment(SWEEP_SEEDS * len(bench.MUS), _mu),
+    "detumbling": Experiment(SEEDS * len(satellite.NOISES) * len(satellite.RECORDED), _detumbling),
+    "design": Experiment(1, _design),
 }
 
 

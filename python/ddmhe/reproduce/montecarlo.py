@@ -6,18 +6,21 @@ import os
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
+T = TypeVar("T")
 Estimators = Mapping[str, Callable[[], Any]]
 
-__all__ = ["Trial", "Trials", "estimates", "run_trials"]
+__all__ = ["ENDS", "Trial", "Trials", "estimates", "in_parallel", "percentiles", "run_trials"]
 
 BAND = (5.0, 50.0, 95.0)
 """Percentiles that are shown: the median and the ends of the 90 % band."""
+ENDS = ("5 %", "median", "95 %")
+"""Their names."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,7 +61,7 @@ class Trials:
 
     def band(self, name: str) -> Array:
         """Median and ends of the 90 % band of ‖x̂ - x‖ over the seeds: (3, N)."""
-        return np.percentile(self.errors(name), BAND, axis=0, method="nearest")
+        return percentiles(self.errors(name))
 
     def rms(self, name: str, start: float = 0.0, end: float = np.inf) -> Array:
         """Root mean square of ‖x̂ - x‖ for start < t - t_0 <= end: (seeds,)."""
@@ -66,6 +69,11 @@ class Trials:
         part = (self.t - first > start + 1e-9) & (self.t - first <= end + 1e-9)
         with np.errstate(over="ignore"):
             return np.asarray(np.sqrt(np.mean(self.errors(name)[:, part] ** 2, axis=1)))
+
+
+def percentiles(values: Array) -> Array:
+    """BAND over the seeds, the first axis: (3, …). Nearest ranks, since an error may be infinite."""
+    return np.asarray(np.percentile(values, BAND, axis=0, method="nearest"))
 
 
 def estimates(estimators: Estimators, Y: Array, n: int) -> dict[str, Array]:
@@ -82,12 +90,17 @@ def estimates(estimators: Estimators, Y: Array, n: int) -> dict[str, Array]:
 
 def run_trials(trial: Callable[..., Trial], seeds: Sequence[int], advance: Callable[[], None], **given: Any) -> Trials:
     """`trial(seed, **given)` for every seed, on all cores; `advance` is called after each."""
+    return Trials(in_parallel(trial, seeds, advance, **given))
+
+
+def in_parallel(function: Callable[..., T], jobs: Sequence[Any], advance: Callable[[], None], **given: Any) -> list[T]:
+    """`function(job, **given)` for every job, in processes on all cores; `advance` is called after each."""
     found = []
     with ProcessPoolExecutor(os.cpu_count() or 1, initializer=_one_thread) as pool:
-        for future in [pool.submit(trial, seed, **given) for seed in seeds]:
+        for future in [pool.submit(function, job, **given) for job in jobs]:
             found.append(future.result())
             advance()
-    return Trials(found)
+    return found
 
 
 def _one_thread() -> None:

@@ -8,7 +8,6 @@ The score is the NRMSE over all axes. Gaps of the log are filled: outputs there 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -21,7 +20,7 @@ from ddmhe import report
 from ddmhe._core import DdMhe, DdmheError, History
 from ddmhe.baselines import ArxKalman, ErrorStateKalman, KoopmanMhe, RidgeFir
 from ddmhe.logs import read_log
-from ddmhe.reproduce.montecarlo import estimates
+from ddmhe.reproduce.montecarlo import estimates, in_parallel
 
 Array = NDArray[np.float64]
 
@@ -81,11 +80,7 @@ def estimators(history: History) -> Mapping[str, Callable[[], Any]]:
 
 def pendulum_scores(paths: list[Path], advance: Callable[[], None]) -> pd.DataFrame:
     """NRMSE, one row per log and one column per estimator; infinite where one diverges."""
-    with ProcessPoolExecutor() as pool:
-        rows = []
-        for future in [pool.submit(_scores, path) for path in paths]:
-            rows.append(future.result())
-            advance()
+    rows = in_parallel(_scores, paths, advance)
     return pd.DataFrame(rows, index=pd.Index([path.stem for path in paths], name="log"))
 
 
