@@ -90,8 +90,13 @@ def _typical(trials: Trials, name: str, span: tuple[float, float]) -> float:
     return float(np.median(trials.rms(name, *span)))
 
 
+def _short(name: str) -> str:
+    """Without the weights that the paper prints: only what departs from them is named."""
+    return name.removesuffix(", paper's weights").removesuffix(", Q = 1e5, R = 1e3")
+
+
 def _numbers(trials: Trials, span: tuple[float, float], names: tuple[str, ...]) -> str:
-    parts = [f"{name.split(',')[0]} {_typical(trials, name, span):.3g}" for name in names]
+    parts = [f"{_short(name)} {_typical(trials, name, span):.3g}" for name in names]
     return ", ".join(parts) + " rad/s"
 
 
@@ -211,7 +216,7 @@ def claims_mu(sweep: dict[float, Trials]) -> list[Claim]:
     for name in (MHE, KMHE):
         errors = [_typical(trials, name, (0.0, math.inf)) for trials in sweep.values()]
         spread[name] = (min(errors), max(errors))
-    words = "; ".join(f"{name.split(',')[0]} {lo:.3g} to {hi:.3g} rad/s" for name, (lo, hi) in spread.items())
+    words = "; ".join(f"{_short(name)} {lo:.3g} to {hi:.3g} rad/s" for name, (lo, hi) in spread.items())
     ratio = {name: hi / lo for name, (lo, hi) in spread.items()}
     return [
         Claim(

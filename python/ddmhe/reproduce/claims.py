@@ -42,8 +42,8 @@ def write_claims(path: Path, claims: Sequence[Claim]) -> None:
     lines = [
         "# What the papers claim, and what came out",
         "",
-        "Written by `ddmhe reproduce`. Neither speed, inertia, torque nor noise of the bench are printed: ours are",
-        "those of `ddmhe.models.SpinDown` and `ddmhe.reproduce.bench`. Errors are medians over the noise seeds.",
+        "Written by `ddmhe reproduce`. The first paper prints neither speed, inertia, torque nor noise of its bench:",
+        "ours are those of `ddmhe.models.SpinDown` and `ddmhe.reproduce.bench`. Errors are medians over the noise seeds.",
         "",
         "| " + " | ".join(HEADER) + " |",
         "|" + " --- |" * len(HEADER),

@@ -80,9 +80,10 @@ def estimates(estimators: Estimators, Y: Array, n: int) -> dict[str, Array]:
     """x̂ (N, n) of each estimator over outputs Y (N, p)."""
     found = {}
     for name, make in estimators.items():
+        estimator = make()
         try:
             with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-                found[name] = np.asarray(make().run(Y).x)
+                found[name] = np.asarray(estimator.run(Y).x)
         except (np.linalg.LinAlgError, ValueError):  # an estimate that has left all bounds
             found[name] = np.full((len(Y), n), np.nan)
     return found
