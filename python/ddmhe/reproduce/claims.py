@@ -43,7 +43,7 @@ def write_claims(path: Path, claims: Sequence[Claim]) -> None:
         "# What the papers claim, and what came out",
         "",
         "Written by `ddmhe reproduce`. The first paper prints neither speed, inertia, torque nor noise of its bench:",
-        "ours are those of `ddmhe.models.SpinDown` and `ddmhe.reproduce.bench`. Errors are medians over the noise seeds.",
+        "ours are those of `ddmhe.models.SpinDown` and `ddmhe.reproduce.bench`. Errors: medians over the noise seeds.",
         "",
         "| " + " | ".join(HEADER) + " |",
         "|" + " --- |" * len(HEADER),
