@@ -48,6 +48,21 @@ pub enum Error {
         /// What the recording offers.
         found: String,
     },
+    /// Measurements contradict the stated model or its bounds: no state is left (interval observers).
+    #[error(
+        "{argument}: expected a sample that the model and its bounds allow, found step {step} leaves state {} a gap of \
+         {gap:.3e} between its bounds", state + 1
+    )]
+    ModelViolation {
+        /// Name of the argument.
+        argument: &'static str,
+        /// Number of samples consumed before this one.
+        step: usize,
+        /// State without a value, counted from 0.
+        state: usize,
+        /// By how much its lower bound lies above its upper one, in the state's unit.
+        gap: f64,
+    },
 }
 
 impl Error {

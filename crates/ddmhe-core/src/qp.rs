@@ -135,6 +135,50 @@ impl LeastDistance {
     }
 }
 
+/// Smallest ‖ξ‖∞ with M ξ = d, M (n × m) given by columns; None if there is no such ξ or the solver found none.
+pub(crate) fn least_max_norm(columns: &[f64], d: &[f64]) -> Option<f64> {
+    let (n, m) = (d.len(), columns.len() / d.len());
+    // Variables (ξ, t): M ξ = d; ξ - t ≤ 0; -ξ - t ≤ 0.
+    let mut A = Mat::zeros(n + 2 * m, m + 1);
+    for j in 0..m {
+        (0..n).for_each(|i| A[(i, j)] = columns[j * n + i]);
+        for (row, sign) in [(n + j, 1.0), (n + m + j, -1.0)] {
+            A[(row, j)] = sign;
+            A[(row, m)] = -1.0;
+        }
+    }
+    let mut b = d.to_vec();
+    b.resize(n + 2 * m, 0.0);
+    let mut cost = vec![0.0; m];
+    cost.push(1.0);
+    let cones = [ZeroConeT(n), NonnegativeConeT(2 * m)];
+    let sparse = dense_to_csc(A.as_ref());
+    let mut solver =
+        DefaultSolver::new(&CscMatrix::zeros((m + 1, m + 1)), &cost, &sparse, &b, &cones, settings()).ok()?;
+    solver.solve();
+    matches!(solver.solution.status, SolverStatus::Solved).then(|| solver.solution.x[m])
+}
+
+fn dense_to_csc(A: MatRef<'_, f64>) -> CscMatrix<f64> {
+    let (m, r) = (A.nrows(), A.ncols());
+    let values = (0..r).flat_map(|j| (0..m).map(move |i| A[(i, j)])).collect();
+    CscMatrix::new(m, r, (0..=r).map(|j| j * m).collect(), (0..r).flat_map(|_| 0..m).collect(), values)
+}
+
+fn settings() -> DefaultSettings<f64> {
+    DefaultSettings {
+        verbose: false,
+        max_threads: 1,
+        // both would drop or reorder rows and so forbid update_b
+        presolve_enable: false,
+        input_sparse_dropzeros: false,
+        tol_gap_abs: tol::SOLVER,
+        tol_gap_rel: tol::SOLVER,
+        tol_feas: tol::SOLVER,
+        ..DefaultSettings::default()
+    }
+}
+
 /// Sets up the solver for one pattern of bounds. None only if Clarabel rejects the data.
 fn prepare(A: MatRef<'_, f64>, pattern: Vec<Row>) -> Option<Prepared> {
     let mut sides: Vec<Side> = Vec::new();
@@ -152,21 +196,10 @@ fn prepare(A: MatRef<'_, f64>, pattern: Vec<Row>) -> Option<Prepared> {
     let equalities = sides.iter().filter(|s| s.fixed).count();
     let cones: Vec<SupportedConeT<f64>> = [ZeroConeT(equalities), NonnegativeConeT(sides.len() - equalities)].into();
     let m = sides.len();
-    let values = (0..r).flat_map(|j| sides.iter().map(move |s| s.sign * A[(s.row, j)])).collect();
-    let dense = CscMatrix::new(m, r, (0..=r).map(|j| j * m).collect(), (0..r).flat_map(|_| 0..m).collect(), values);
-    let settings = DefaultSettings {
-        verbose: false,
-        max_threads: 1,
-        // both would drop or reorder rows and so forbid update_b
-        presolve_enable: false,
-        input_sparse_dropzeros: false,
-        tol_gap_abs: tol::SOLVER,
-        tol_gap_rel: tol::SOLVER,
-        tol_feas: tol::SOLVER,
-        ..DefaultSettings::default()
-    };
-    let solver =
-        DefaultSolver::new(&CscMatrix::identity(r), &vec![0.0; r], &dense, &vec![0.0; m], &cones, settings).ok()?;
+    let signed = Mat::from_fn(m, r, |i, j| sides[i].sign * A[(sides[i].row, j)]);
+    let dense = dense_to_csc(signed.as_ref());
+    let identity = CscMatrix::identity(r);
+    let solver = DefaultSolver::new(&identity, &vec![0.0; r], &dense, &vec![0.0; m], &cones, settings()).ok()?;
     Some(Prepared { pattern, sides, solver })
 }
 

@@ -33,3 +33,7 @@ pub const GUARD: usize = 8;
 
 /// A matrix of a certificate counts as symmetric up to this relative difference: it may have been written to text.
 pub const SYMMETRIC: f64 = 1e-9;
+
+/// A point counts as inside a zonotope when it is inside the one larger by this factor: the linear programme behind
+/// the answer is solved to about 1e-11.
+pub const MEMBER: f64 = 1e-9;

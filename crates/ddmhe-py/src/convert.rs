@@ -21,6 +21,7 @@ pub fn raise(error: Error) -> PyErr {
         Error::Shape { .. } => ShapeError::new_err(text),
         Error::NotFinite { .. } => NotFiniteError::new_err(text),
         Error::Rank { .. } => RankError::new_err(text),
+        Error::ModelViolation { .. } => ModelViolationError::new_err(text),
         _ => DdmheError::new_err(text),
     }
 }

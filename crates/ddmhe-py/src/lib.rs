@@ -3,6 +3,7 @@
 mod certificate;
 mod convert;
 mod history;
+mod interval;
 mod mhe;
 mod spaces;
 mod validation;
@@ -18,6 +19,8 @@ mod _core {
     use crate::convert::{DdmheError, InfeasibleError, ModelViolationError, NotFiniteError, RankError, ShapeError};
     #[pymodule_export]
     use crate::history::{History, RankReport};
+    #[pymodule_export]
+    use crate::interval::{Bounds, IntervalLog, ObserverCore, Zonotope, interval_operation};
     #[pymodule_export]
     use crate::mhe::{DdMhe, Estimate, Log};
     #[pymodule_export]
