@@ -34,23 +34,25 @@ from ddmhe._core import (
     Ridge,
     ShapeError,
     Truncated,
+    Zonotope,
 )
 
 if TYPE_CHECKING:
-    from ddmhe import design
+    from ddmhe import baselines, design, interval
     from ddmhe.tuning import Tuning, tune
 
 __version__ = _version("ddmhe")
 
 # What needs cvxpy is loaded on first use: it takes longer to import than an estimator to build.
-_LAZY = {"design": "ddmhe.design", "tune": "ddmhe.tuning", "Tuning": "ddmhe.tuning"}
+_MODULES = ("baselines", "design", "interval")
+_LAZY = {name: f"ddmhe.{name}" for name in _MODULES} | {"tune": "ddmhe.tuning", "Tuning": "ddmhe.tuning"}
 
 
 def __getattr__(name: str) -> Any:
     if name not in _LAZY:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     module = _import_module(_LAZY[name])
-    value = module if name == "design" else getattr(module, name)
+    value = module if name in _MODULES else getattr(module, name)
     globals()[name] = value
     return value
 
@@ -71,7 +73,10 @@ __all__ = [
     "ShapeError",
     "Truncated",
     "Tuning",
+    "Zonotope",
+    "baselines",
     "design",
+    "interval",
     "models",
     "tune",
 ]

@@ -1,0 +1,106 @@
+"""The observer as users meet it: arguments checked here, sets computed by the core."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ddmhe._core import DdmheError, IntervalEstimate, IntervalLog, ObserverCore, ShapeError
+from ddmhe.interval.observer_design import ObserverDesign
+from ddmhe.interval.systems import System, matrix
+
+Array = NDArray[np.float64]
+
+__all__ = ["IntervalObserver"]
+
+
+class IntervalObserver:
+    """Bounds that hold the state for every motion that system and radii allow.
+
+    Parameters
+    ----------
+    system : System
+    design : ObserverDesign
+        From `design_observer`, or `fixed_gain` (then without a peak-to-peak bound).
+    x0_center, x0_radius : (n,)
+        |x(0) - x0_center| <= x0_radius; a scalar radius serves every state.
+    w_radius, v_radius : (n_w,), (n_v,)
+        Bounds of |w|, |v|; a scalar serves all.
+    order : int
+        Generators kept, q >= n.
+    method : "tight" or "paper"
+        One interval matrix and a box contracted with the measurements, or (45)-(50) and (59) as printed.
+    reduction : "pca", "girard" or "combastel"
+        How "tight" reduces; "paper" has its own.
+
+    Raises
+    ------
+    ShapeError, NotFiniteError, DdmheError
+        Wrong arguments. `step` and `run` raise ModelViolationError where a measurement contradicts model and bounds; the
+        observer is then as before that sample.
+    """
+
+    def __init__(
+        self,
+        system: System,
+        design: ObserverDesign,
+        x0_center: ArrayLike,
+        x0_radius: ArrayLike,
+        w_radius: ArrayLike,
+        v_radius: ArrayLike,
+        order: int = 20,
+        method: str = "tight",
+        reduction: str = "pca",
+    ) -> None:
+        if not isinstance(system, System):
+            raise DdmheError(f"system: expected a ddmhe.interval.System, found {type(system).__name__}")
+        if not isinstance(design, ObserverDesign):
+            raise DdmheError(f"design: expected an ObserverDesign, found {type(design).__name__}")
+        if design.gain.shape != (system.n, system.p):
+            found = f"{design.gain.shape}"
+            raise ShapeError(f"design: expected one for {system.n} states and {system.p} outputs, found a gain {found}")
+        center = matrix("x0_center", x0_center, (system.n,))
+        parts: dict[str, Any] = {k: getattr(system, k) for k in ("A", "C", "D1", "D2", "j_lo", "j_hi")}
+        parts["B"] = np.zeros((system.n, 0)) if system.B is None else system.B
+        parts["r"] = system.offset
+        parts["w_radius"] = _radius("w_radius", w_radius, system.D1.shape[1])
+        parts["v_radius"] = _radius("v_radius", v_radius, system.D2.shape[1])
+        bound = design.gamma if design.verified else np.inf
+        gain = {"L": design.gain, "P": design.P, "lam": design.lam, "gamma": bound, "weights": design.weights}
+        gain |= {"mu_w": design.mu_w, "mu_v": design.mu_v}
+        start = _radius("x0_radius", x0_radius, system.n)
+        self.system, self.design, self.method = system, design, method
+        self._core = ObserverCore(system.kind, parts, gain, center.tolist(), start.tolist(), order, method, reduction)
+
+    def step(self, y: ArrayLike, u: ArrayLike | None = None) -> IntervalEstimate:
+        """Consume y(k) (p,), NaN = not measured, and u(k) (n_u,): bounds of x(k) that use y(k), and of x(k+1)."""
+        return self._core.step(y, self._input(u))
+
+    def run(self, Y: ArrayLike, U: ArrayLike | None = None) -> IntervalLog:
+        """Consume Y (N, p) and U (N, n_u): the same numbers as N calls of `step`."""
+        return self._core.run(Y, self._input(U))
+
+    def reset(self) -> None:
+        """Back to the first sample."""
+        self._core.reset()
+
+    @property
+    def bounds(self) -> tuple[Array, Array]:
+        """(lo, hi) of the state that the next output belongs to, (n,) each."""
+        return self._core.predicted()
+
+    def _input(self, u: ArrayLike | None) -> ArrayLike | None:
+        if (u is None) == (self.system.B is None):
+            return u
+        expected = "None, for the system has no input" if u is not None else f"{self.system.B.shape[1]} numbers"  # type: ignore[union-attr]
+        raise ShapeError(f"u: expected {expected}, found {'an array' if u is not None else 'None'}")
+
+
+def _radius(name: str, value: ArrayLike, length: int) -> Array:
+    given = np.asarray(value)
+    array = matrix(name, np.full(length, given) if given.ndim == 0 else given, (length,))
+    if (array < 0).any():
+        raise DdmheError(f"{name}: expected radii of at least 0, found {array.min()}")
+    return array

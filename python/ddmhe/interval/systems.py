@@ -1,0 +1,264 @@
+"""Systems x(k+1) = A x + B u + f(x) + D1 w, y = C x + r + D2 v with Df(x) in [j_lo, j_hi], (13), (14)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ddmhe import models
+from ddmhe._core import DdmheError, NotFiniteError, ShapeError
+
+Array = NDArray[np.float64]
+Function = Callable[[Array], ArrayLike]
+Jacobian = Callable[[Array, Array], tuple[ArrayLike, ArrayLike]]
+
+__all__ = ["System", "detumbling", "linear", "matrix", "pendulum", "van_der_pol"]
+
+SLACK = 1e-13
+"""Relative rounding error that is granted to f and jacobian given as Python functions."""
+
+
+def matrix(name: str, value: ArrayLike, shape: tuple[int, ...], finite: bool = True) -> Array:
+    """A float array of the shape, -1 for any length; an error that names the argument otherwise."""
+    try:
+        array = np.array(value, dtype=np.float64)
+    except (TypeError, ValueError) as e:
+        raise ShapeError(f"{name}: expected an array of real numbers, found {type(value).__name__}") from e
+    wanted = f"({', '.join('any' if s < 0 else str(s) for s in shape)})"
+    if array.ndim != len(shape) or any(s >= 0 and s != found for s, found in zip(shape, array.shape, strict=True)):
+        raise ShapeError(f"{name}: expected an array of shape {wanted}, found {array.shape}")
+    if np.isnan(array).any() or (finite and not np.isfinite(array).all()):
+        raise NotFiniteError(f"{name}: expected finite numbers, found {array[~np.isfinite(array)][0]}")
+    return array
+
+
+@dataclass(frozen=True, eq=False)
+class System:
+    """What is known of a system: (13) and (14).
+
+    x(k+1) = A x + B u + f(x) + D1 w, y = C x + r + D2 v. The bounds |w| <= w_radius, |v| <= v_radius are the observer's.
+
+    Raises
+    ------
+    ShapeError, NotFiniteError, DdmheError
+        Shapes that do not fit, NaN, j_lo above j_hi, f or jacobian not callable.
+    """
+
+    A: Array
+    """(n, n)"""
+    C: Array
+    """(p, n)"""
+    D1: Array
+    """(n, n_w)"""
+    D2: Array
+    """(p, n_v)"""
+    f: Function | None
+    """f(x) -> (n,), x (n,): accurate to 1e-13 of each value. None: no nonlinear part."""
+    jacobian: Jacobian | None
+    """jacobian(lo, hi) -> (J_lo, J_hi), (n, n) each: must enclose Df over the box, to 1e-13 of each value."""
+    j_lo: Array
+    """(n, n): lower bounds of Df wherever the state may be."""
+    j_hi: Array
+    """(n, n): upper bounds of Df."""
+    B: Array | None = None
+    """(n, n_u), or None without input."""
+    r: Array | None = field(default=None, kw_only=True)
+    """Offset of the output (p,), or None for zero."""
+    kind: tuple[Any, ...] | None = field(default=None, kw_only=True, repr=False)
+    """How the core computes f itself; None: it calls f and jacobian."""
+
+    def __post_init__(self) -> None:
+        """Check everything once."""
+        A = matrix("A", self.A, (-1, -1))
+        n = len(A)
+        if n == 0:
+            raise ShapeError("A: expected at least one state, found none")
+        A = matrix("A", A, (n, n))
+        C = matrix("C", self.C, (-1, n))
+        p = len(C)
+        if p == 0:
+            raise ShapeError("C: expected at least one output, found none")
+        parts: dict[str, Any] = {"A": A, "C": C}
+        parts["D1"] = matrix("D1", self.D1, (n, -1))
+        parts["D2"] = matrix("D2", self.D2, (p, -1))
+        parts["B"] = None if self.B is None else matrix("B", self.B, (n, -1))
+        parts["r"] = None if self.r is None else matrix("r", self.r, (p,))
+        parts["j_lo"], parts["j_hi"] = (matrix(k, getattr(self, k), (n, n), finite=False) for k in ("j_lo", "j_hi"))
+        if (parts["j_lo"] > parts["j_hi"]).any():
+            i, j = np.argwhere(parts["j_lo"] > parts["j_hi"])[0]
+            found = f"{parts['j_lo'][i, j]} and {parts['j_hi'][i, j]} in row {i}, column {j}"
+            raise DdmheError(f"j_lo: expected numbers not above those of j_hi, found {found}")
+        for name, value in parts.items():
+            object.__setattr__(self, name, value)
+        if (self.f is None) != (self.jacobian is None):
+            raise DdmheError("f, jacobian: expected both or neither, found one")
+        for name in ("f", "jacobian"):
+            if getattr(self, name) is not None and not callable(getattr(self, name)):
+                raise DdmheError(f"{name}: expected a function, found {type(getattr(self, name)).__name__}")
+        if self.kind is None:
+            kind = ("linear",) if self.f is None else ("python", self.f, self.jacobian, SLACK)
+            object.__setattr__(self, "kind", kind)
+
+    @property
+    def n(self) -> int:
+        """Number of states."""
+        return len(self.A)
+
+    @property
+    def p(self) -> int:
+        """Number of outputs."""
+        return len(self.C)
+
+    @property
+    def offset(self) -> Array:
+        """R (p,), zero if not given."""
+        return np.zeros(self.p) if self.r is None else self.r
+
+    def vertices(self) -> list[Array]:
+        """Every vertex of [j_lo, j_hi], (n, n) each; entries with equal ends do not multiply."""
+        free = np.argwhere(self.j_lo < self.j_hi)
+        found = []
+        for bits in range(1 << len(free)):
+            J = self.j_lo.copy()
+            for k, (i, j) in enumerate(free):
+                if bits >> k & 1:
+                    J[i, j] = self.j_hi[i, j]
+            found.append(J)
+        return found
+
+
+def pendulum(model: models.Pendulum | None = None, dt: float = models.Pendulum.paper_dt) -> System:
+    """The pendulum (60): x1⁺ = x1 + dt x2 + w1, x2⁺ = x2 - dt stiffness sin x1 + w2, y = x1 + 0.1 v."""
+    gain = dt * (model or models.pendulum()).stiffness
+    A = np.array([[1.0, dt], [0.0, 1.0]])
+    bound = np.array([[0.0, 0.0], [gain, 0.0]])
+
+    def f(x: Array) -> Array:
+        return np.array([0.0, -gain * np.sin(x[0])])
+
+    def jacobian(lo: Array, hi: Array) -> tuple[Array, Array]:
+        # cos is 1 at even and -1 at odd multiples of pi
+        even = np.floor(hi[0] / (2 * np.pi)) >= np.ceil(lo[0] / (2 * np.pi))
+        odd = np.floor((hi[0] / np.pi - 1) / 2) >= np.ceil((lo[0] / np.pi - 1) / 2)
+        ends = np.cos([lo[0], hi[0]])
+        top, bottom = 1.0 if even else ends.max(), -1.0 if odd else ends.min()
+        J_lo, J_hi = np.zeros((2, 2)), np.zeros((2, 2))
+        J_lo[1, 0], J_hi[1, 0] = -gain * top, -gain * bottom
+        return J_lo, J_hi
+
+    C, D2 = np.array([[1.0, 0.0]]), np.array([[0.1]])
+    return System(A, C, np.eye(2), D2, f, jacobian, -bound, bound, kind=("pendulum", gain))
+
+
+def linear(
+    A_lo: ArrayLike,
+    A_hi: ArrayLike,
+    C: ArrayLike,
+    D1: ArrayLike,
+    D2: ArrayLike,
+    B: ArrayLike | None = None,
+    *,
+    C_radius: ArrayLike | None = None,
+) -> System:
+    """A linear system whose constant matrix is only known to lie in [A_lo, A_hi] (Remark 2); C ± C_radius likewise."""
+    lo, hi = matrix("A_lo", A_lo, (-1, -1)), matrix("A_hi", A_hi, (-1, -1))
+    n = len(lo)
+    lo, hi = matrix("A_lo", lo, (n, n)), matrix("A_hi", hi, (n, n))
+    if (lo > hi).any():
+        raise DdmheError("A_lo: expected numbers not above those of A_hi, found some above")
+    middle = 0.5 * (lo + hi)
+    radius = np.nextafter(np.maximum(hi - middle, middle - lo), np.inf) * (hi > lo)
+    C = matrix("C", C, (-1, n))
+    C_rad = np.zeros_like(C) if C_radius is None else matrix("C_radius", C_radius, C.shape)
+    if (C_rad < 0).any():
+        raise DdmheError(f"C_radius: expected radii of at least 0, found {C_rad.min()}")
+    rows = [_axes(row) for row in (*radius, *C_rad)]
+    return System(middle, C, _array(D1), _array(D2), None, None, -radius, radius, _optional(B), kind=("uncertain", rows))
+
+
+def _array(value: ArrayLike) -> Array:
+    return np.asarray(value, dtype=np.float64)
+
+
+def _optional(value: ArrayLike | None) -> Array | None:
+    return None if value is None else _array(value)
+
+
+def _axes(radius: Array) -> list[float]:
+    """Generators, n+1 numbers each, of a row known entry by entry: no offset."""
+    n = len(radius)
+    used = [j for j in range(n) if radius[j] > 0]
+    found = np.zeros((len(used), n + 1))
+    found[range(len(used)), used] = radius[used]
+    return [float(v) for v in found.ravel()]
+
+
+def detumbling(
+    model: models.Detumbling | None = None, dt: float = 0.1, rate_bound: float = 0.3, uncertainty: float = 0.02
+) -> System:
+    """The 3-DOF target of Liu et al. 2026, IV-B, known within bounds: inertia ratios and torque matrices ± uncertainty.
+
+    x(k+1) = x + dt (a1 x2 x3, a2 x3 x1, a3 x1 x2) + dt N x + w, y = G x + v: forward Euler as in their (4), the rate of the
+    chaser zero. Bounds: a_i = (J2-J3)/J1 …, every entry of N = J⁻¹ ∂τ_t/∂ω and of G = ∂τ_c/∂ω within a relative
+    `uncertainty`; |x_i| <= rate_bound (rad/s) wherever the target may be.
+    """
+    model = models.detumbling() if model is None else model
+    if not (np.isfinite(uncertainty) and 0 <= uncertainty < 1):
+        raise DdmheError(f"uncertainty: expected a number in [0, 1), found {uncertainty}")
+    if not (np.isfinite(rate_bound) and rate_bound > 0):
+        raise DdmheError(f"rate_bound: expected a positive number of rad/s, found {rate_bound}")
+    J = np.diag(model.inertia)
+    if np.any(model.inertia != np.diag(J)) or np.any(model.omega_chaser != 0):
+        raise DdmheError("model: expected principal axes and a chaser at rest, found others")
+    ratios = dt * (np.roll(J, -1) - np.roll(J, -2)) / J
+    N = dt * (np.linalg.inv(model.inertia) @ np.array([model.torque(e) for e in np.eye(3)]).T)
+    G = np.array([model.output(e) for e in np.eye(3)]).T
+    d_ratios, d_N, d_G = (uncertainty * np.abs(v) for v in (ratios, N, G))
+    # Df entry (i, j) is ratio_i times the third rate, plus what N may be off by
+    off = np.abs(ratios) + d_ratios
+    bound = off[:, None] * rate_bound * (1 - np.eye(3)) + d_N
+    bound = np.nextafter(bound, np.inf) * (bound > 0)
+
+    def f(x: Array) -> Array:
+        return np.asarray(ratios * np.array([x[1] * x[2], x[2] * x[0], x[0] * x[1]]))
+
+    def jacobian(lo: Array, hi: Array) -> tuple[Array, Array]:
+        return -bound, bound
+
+    kind = (
+        "euler",
+        (ratios - d_ratios, ratios + d_ratios),
+        (-d_N.ravel(), d_N.ravel()),
+        [float(v) for v in d_G.ravel()],
+    )
+    return System(np.eye(3) + N, G, np.eye(3), np.eye(3), f, jacobian, -bound, bound, kind=kind)
+
+
+def van_der_pol(dt: float = 0.05, mu: float = 1.0, bound: float = 3.0) -> System:
+    """Van der Pol's oscillator by forward Euler, y = x1 + v; |x_i| <= bound wherever the state may be.
+
+    x1⁺ = x1 + dt x2 + w1, x2⁺ = x2 + dt (mu (1 - x1²) x2 - x1) + w2, written as A x + f(x) with A = I + dt [[0, 1], [-1, mu]]
+    and f = (0, -dt mu x1² x2).
+    """
+    A = np.eye(2) + dt * np.array([[0.0, 1.0], [-1.0, mu]])
+
+    def f(x: Array) -> Array:
+        return np.array([0.0, -dt * mu * x[0] ** 2 * x[1]])
+
+    def jacobian(lo: Array, hi: Array) -> tuple[Array, Array]:
+        products = [a * b for a in (lo[0], hi[0]) for b in (lo[1], hi[1])]
+        squares = [lo[0] ** 2, hi[0] ** 2]
+        least = 0.0 if lo[0] <= 0 <= hi[0] else min(squares)
+        J_lo, J_hi = np.zeros((2, 2)), np.zeros((2, 2))
+        J_lo[1] = -dt * mu * np.array([2 * max(products), max(squares)])
+        J_hi[1] = -dt * mu * np.array([2 * min(products), least])
+        return J_lo, J_hi
+
+    box = np.full(2, bound)
+    J_lo, J_hi = jacobian(-box, box)
+    pad = 1e-12 * np.abs(J_hi - J_lo)
+    return System(A, np.array([[1.0, 0.0]]), np.eye(2), np.eye(1), f, jacobian, J_lo - pad, J_hi + pad)
