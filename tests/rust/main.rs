@@ -3,6 +3,7 @@
 
 mod certificate;
 mod inputs;
+mod intervals;
 mod linear;
 mod space;
 mod systems;

@@ -801,7 +801,7 @@ impl Dynamics for Euler {
     }
 }
 
-/// f(x) = Δ(x; 1) with one parameter set a row: row i of Δ is in the rotated box {Σ_j β_j s_ij q_ij : |β_j| ≤ 1}. The first
+/// f(x) = offset + Δ(x; 1) with one parameter set a row: row i of Δ is in the rotated box {Σ_j β_j s_ij q_ij : |β_j| ≤ 1}. The first
 /// n rows belong to the state, the others to the output. Axis-parallel q are an interval matrix (Remark 2).
 #[derive(Debug, Clone, PartialEq)]
 pub struct Uncertain {
@@ -809,6 +809,8 @@ pub struct Uncertain {
     pub n: usize,
     /// Generators s_ij q_ij of each row, n+1 numbers each, one after another.
     pub rows: Vec<Vec<f64>>,
+    /// Known constant (n).
+    pub offset: Vec<f64>,
 }
 
 impl Uncertain {
@@ -825,9 +827,8 @@ impl Uncertain {
 impl Dynamics for Uncertain {
     fn value(&self, x: &[f64], out: &mut [Interval]) -> Result<(), Error> {
         let x = points(x);
-        for (out, row) in out.iter_mut().zip(&self.rows) {
-            let r = self.radius(row, &x);
-            *out = Interval { lo: -r, hi: r };
+        for ((out, row), &offset) in out.iter_mut().zip(&self.rows).zip(&self.offset) {
+            *out = Interval::about(offset, self.radius(row, &x));
         }
         Ok(())
     }

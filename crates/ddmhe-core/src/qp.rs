@@ -135,8 +135,9 @@ impl LeastDistance {
     }
 }
 
-/// Smallest ‖ξ‖∞ with M ξ = d, M (n × m) given by columns; None if there is no such ξ or the solver found none.
-pub(crate) fn least_max_norm(columns: &[f64], d: &[f64]) -> Option<f64> {
+/// min ‖ξ‖∞ subject to M ξ = d, M (n × m) given by columns: a primal and a dual point near the optimum, ξ (m) and y (n) of
+/// max dᵀy subject to ‖Mᵀy‖₁ ≤ 1. What they prove is for the caller to check; None if the solver rejects the data.
+pub(crate) fn least_max_norm(columns: &[f64], d: &[f64]) -> Option<(Vec<f64>, Vec<f64>)> {
     let (n, m) = (d.len(), columns.len() / d.len());
     // Variables (ξ, t): M ξ = d; ξ - t ≤ 0; -ξ - t ≤ 0.
     let mut A = Mat::zeros(n + 2 * m, m + 1);
@@ -156,7 +157,7 @@ pub(crate) fn least_max_norm(columns: &[f64], d: &[f64]) -> Option<f64> {
     let mut solver =
         DefaultSolver::new(&CscMatrix::zeros((m + 1, m + 1)), &cost, &sparse, &b, &cones, settings()).ok()?;
     solver.solve();
-    matches!(solver.solution.status, SolverStatus::Solved).then(|| solver.solution.x[m])
+    Some((solver.solution.x[..m].to_vec(), solver.solution.z[..n].iter().map(|z| -z).collect()))
 }
 
 fn dense_to_csc(A: MatRef<'_, f64>) -> CscMatrix<f64> {

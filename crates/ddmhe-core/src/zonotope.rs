@@ -189,10 +189,27 @@ impl Zonotope {
         let d: Vec<f64> = kept.iter().map(|&i| d[i] / half[i]).collect();
         let columns: Vec<f64> =
             self.generators.chunks_exact(n).flat_map(|g| kept.iter().map(|&i| g[i] / half[i])).collect();
-        if least_norm(&columns, &d).is_some_and(|xi| xi.iter().all(|v| v.abs() <= 1.0)) {
+        let rest = |xi: &[f64]| -> Vec<f64> {
+            let image = |i: usize| (0..xi.len()).map(|j| columns[j * d.len() + i] * xi[j]).sum::<f64>();
+            (0..d.len()).map(|i| d[i] - image(i)).collect()
+        };
+        // ξ moved onto M ξ = d: does it prove that x is in?
+        let proves = |xi: &[f64]| {
+            least_norm(&columns, &rest(xi)).is_some_and(|step| {
+                let xi: Vec<f64> = xi.iter().zip(step).map(|(a, b)| a + b).collect();
+                xi.iter().all(|v| v.abs() <= room) && rest(&xi).iter().all(|r| r.abs() <= tol::MEMBER)
+            })
+        };
+        if proves(&vec![0.0; columns.len() / d.len()]) {
             return Ok(true);
         }
-        Ok(qp::least_max_norm(&columns, &d).is_some_and(|t| t <= room))
+        let Some((xi, y)) = qp::least_max_norm(&columns, &d) else { return Ok(false) };
+        if proves(&xi) {
+            return Ok(true);
+        }
+        // a plane with normal y between the point and the set, however good y is
+        let reach: f64 = columns.chunks_exact(d.len()).map(|g| map(&y, g)[0].abs()).sum();
+        Ok(map(&y, &d)[0] <= reach * room)
     }
 
     /// Largest half width of the hull.
@@ -320,15 +337,13 @@ pub(crate) fn map(A: &[f64], x: &[f64]) -> Vec<f64> {
     A.chunks_exact(x.len()).map(|row| row.iter().zip(x).map(|(a, b)| a * b).sum()).collect()
 }
 
-/// ξ = M† d, if M has full row rank.
+/// ξ = M† d.
 fn least_norm(columns: &[f64], d: &[f64]) -> Option<Vec<f64>> {
     let (n, m) = (d.len(), columns.len() / d.len());
     let M = Mat::from_fn(n, m, |i, j| columns[j * n + i]);
     let svd = M.thin_svd().ok()?;
     let sigma = svd.S().column_vector();
-    if sigma.nrows() < n || !(sigma[n - 1] > 1e-9 * sigma[0]) {
-        return None;
-    }
-    let weight: Vec<f64> = (0..n).map(|k| (0..n).map(|i| svd.U()[(i, k)] * d[i]).sum::<f64>() / sigma[k]).collect();
-    Some((0..m).map(|j| (0..n).map(|k| svd.V()[(j, k)] * weight[k]).sum()).collect())
+    let rank = (0..sigma.nrows()).take_while(|&k| sigma[k] > 1e-12 * sigma[0]).count();
+    let weight: Vec<f64> = (0..rank).map(|k| (0..n).map(|i| svd.U()[(i, k)] * d[i]).sum::<f64>() / sigma[k]).collect();
+    Some((0..m).map(|j| (0..rank).map(|k| svd.V()[(j, k)] * weight[k]).sum()).collect())
 }

@@ -223,7 +223,7 @@ impl Dynamics for Callables {
 }
 
 /// What the system's `dynamics` says it is: ("linear",), ("pendulum", gain), ("euler", ratios, linear, output_radius),
-/// ("uncertain", rows) or ("python", f, jacobian, slack).
+/// ("uncertain", rows, offset) or ("python", f, jacobian, slack).
 fn dynamics(value: &Bound<'_, PyAny>, n: usize) -> PyResult<Box<dyn Dynamics + Send + Sync>> {
     let kind: String = value.get_item(0)?.extract()?;
     let pair = |k: usize, len: usize| -> PyResult<Vec<Interval>> {
@@ -239,7 +239,9 @@ fn dynamics(value: &Bound<'_, PyAny>, n: usize) -> PyResult<Box<dyn Dynamics + S
             linear.copy_from_slice(&pair(2, 9)?);
             Box::new(Euler { ratios, linear, output_radius: value.get_item(3)?.extract()? })
         }
-        "uncertain" => Box::new(Uncertain { n, rows: value.get_item(1)?.extract()? }),
+        "uncertain" => {
+            Box::new(Uncertain { n, rows: value.get_item(1)?.extract()?, offset: value.get_item(2)?.extract()? })
+        }
         _ => Box::new(Callables {
             f: value.get_item(1)?.unbind(),
             jacobian: value.get_item(2)?.unbind(),

@@ -14,7 +14,7 @@ Jacobian Nonlinear Systems by Zonotope Analysis", cited by its equation numbers.
 
 from ddmhe.interval.data import DataModel, from_history
 from ddmhe.interval.observer import IntervalObserver
-from ddmhe.interval.observer_design import ObserverDesign, design_observer, fixed_gain
+from ddmhe.interval.observer_design import ObserverDesign, design_observer, fixed_gain, kalman_gain
 from ddmhe.interval.systems import System, detumbling, linear, pendulum, van_der_pol
 
 __all__ = [
@@ -26,6 +26,7 @@ __all__ = [
     "detumbling",
     "fixed_gain",
     "from_history",
+    "kalman_gain",
     "linear",
     "pendulum",
     "van_der_pol",

@@ -1,11 +1,11 @@
 """A guaranteed interval from a recording alone: every system that it allows, as rotated boxes of parameters.
 
-The recording's rows obey x(k+1) = A x(k) + e + w(k), y(k) = C x(k) + r + v(k) with |w| <= w_radius, |v| <= v_radius. For each
-row (A_i, e_i) or (C_i, r_i) = θ the recording leaves the polytope {θ : |target(k) - θ·(x(k), 1)| <= radius for all k}. It is
-enclosed by a box along the principal axes of the recorded (x, 1), each side found by two linear programmes. That is a
-matrix zonotope with n + 1 generators a row, as in A. Alanwar, A. Koch, F. Allgöwer, K. H. Johansson (2023, "Data-driven
-reachability analysis from noisy data") and their set-based estimation, but with the polytope's exact extents in the place of
-their n T generators; what the linear programmes return is widened by what their tolerance can move it.
+The recording's rows obey x(k+1) = A x(k) + e + w(k), y(k) = C x(k) + r + v(k) with |w| <= w_radius, |v| <= v_radius.
+For each row θ = (A_i, e_i) or (C_i, r_i) it leaves the polytope {θ : |target(k) - θ·(x(k), 1)| <= radius for all k}.
+That is enclosed by a box along the principal axes of the recorded (x, 1), each side found by two linear programmes: a
+matrix zonotope with n + 1 generators a row. The idea is that of A. Alanwar, A. Koch, F. Allgöwer, K. H. Johansson
+("Data-driven reachability analysis from noisy data", 2023) and their set-based estimation, with the polytope's own
+extents in the place of their n T generators. What the programmes return is widened by what their tolerance can move it.
 """
 
 from __future__ import annotations
@@ -20,16 +20,16 @@ from numpy.typing import ArrayLike, NDArray
 
 from ddmhe._core import DdmheError, History, ModelViolationError, RankError
 from ddmhe.design.model import samples
-from ddmhe.interval.observer import IntervalObserver, _radius
-from ddmhe.interval.observer_design import ObserverDesign, fixed_gain
-from ddmhe.interval.systems import System
+from ddmhe.interval.observer import IntervalObserver
+from ddmhe.interval.observer_design import ObserverDesign, fixed_gain, steady_gain
+from ddmhe.interval.systems import System, radius_of
 
 Array = NDArray[np.float64]
 
 __all__ = ["DataModel", "from_history"]
 
 TOLERANCE = 1e-7
-"""What a linear programme may be off by, relative to the noise bound: HiGHS keeps its constraints to 1e-7 of our scale."""
+"""What a linear programme may be off by, relative to the noise bound: HiGHS keeps its constraints to 1e-7."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,10 +59,10 @@ class DataModel:
         w, v = (", ".join(f"{r:.3g}" for r in radius) for radius in (self.w_radius, self.v_radius))
         low, high = (", ".join(f"{x:.3g}" for x in side) for side in (self.lower, self.upper))
         return (
-            f"Guaranteed for every system x+ = A x + e + w, y = C x + r + v that the recording allows with |w| <= ({w}) and "
-            f"|v| <= ({v}), then and now. The recorded states count as true, so their errors belong into w and v; so does "
-            f"whatever a straight line through them does not follow. Recorded: from ({low}) to ({high}); outside of this range "
-            "the guarantee holds only for a system that is linear there, too."
+            f"Guaranteed for every system x+ = A x + e + w, y = C x + r + v that the recording allows with |w| <= ({w}) "
+            f"and |v| <= ({v}), then and now. The recorded states count as true, so their errors belong into w and v; so "
+            f"does whatever an affine system does not follow. Recorded: from ({low}) to ({high}); outside of this "
+            "range the guarantee holds only for a system that is affine there, too."
         )
 
     def observer(
@@ -76,7 +76,9 @@ class DataModel:
         return IntervalObserver(self.system, self.design, center, x0_radius, self.w_radius, self.v_radius, **options)
 
 
-def from_history(history: History, w_radius: ArrayLike, v_radius: ArrayLike, gain: ArrayLike | None = None) -> DataModel:
+def from_history(
+    history: History, w_radius: ArrayLike, v_radius: ArrayLike, gain: ArrayLike | None = None
+) -> DataModel:
     """All systems that agree with a recording, ready for an interval observer.
 
     Parameters
@@ -98,25 +100,26 @@ def from_history(history: History, w_radius: ArrayLike, v_radius: ArrayLike, gai
     if not isinstance(history, History):
         raise DdmheError(f"history: expected a History, found {type(history).__name__}")
     n, p = history.n, history.p
-    w, v = _radius("w_radius", w_radius, n), _radius("v_radius", v_radius, p)
-    X0, X1, Y0 = samples(history)
+    w, v = radius_of("w_radius", w_radius, n), radius_of("v_radius", v_radius, p)
+    X0, targets = samples(history)
     middle, half = X0.mean(axis=0), np.maximum(X0.std(axis=0), 1e-300)
     # (x, 1) in coordinates in which the regressors are orthonormal
     raw = np.hstack([X0, np.ones((len(X0), 1))])
     scaled = np.hstack([(X0 - middle) / half, np.ones((len(X0), 1))])
     U, s, Vt = scipy.linalg.svd(scaled, full_matrices=False)
     if len(s) < n + 1 or s[-1] <= 1e-12 * s[0]:
-        raise RankError(f"history: expected {n + 1} independent rows (x, 1), found rank {int((s > 1e-12 * s[0]).sum())}")
+        raise RankError(
+            f"history: expected {n + 1} independent rows (x, 1), found rank {int((s > 1e-12 * s[0]).sum())}"
+        )
     # θ·(x, 1) = β·z with z = S⁻¹ V (scaled x, 1), so θ = T β
     to_scaled = np.zeros((n + 1, n + 1))
     to_scaled[:n, :n], to_scaled[:n, n] = np.diag(1 / half), -middle / half
     to_scaled[n, n] = 1.0
     T = to_scaled.T @ Vt.T / s  # columns: generators of θ
     rows, centers, spread = [], [], []
-    for name, target, radius in [(f"x{i + 1}", X1[:, i], w[i]) for i in range(n)] + [
-        (f"y{j + 1}", Y0[:, j], v[j]) for j in range(p)
-    ]:
-        low, high = _extent(U, target, radius, name, "w_radius" if name[0] == "x" else "v_radius")
+    for i, (target, radius) in enumerate(zip(targets.T, np.concatenate([w, v]), strict=True)):
+        argument, row = ("w_radius", f"x{i + 1}") if i < n else ("v_radius", f"y{i - n + 1}")
+        low, high = _extent(U, target, float(radius), row, argument)
         center = T @ (0.5 * (low + high))
         # the residual that the rounded center leaves joins the box: β off by at most its projection
         lost = np.abs(U.T @ (raw @ center - U @ (0.5 * (low + high)))).max()
@@ -128,8 +131,9 @@ def from_history(history: History, w_radius: ArrayLike, v_radius: ArrayLike, gai
     A, e, C, r = theta[:n, :n], theta[:n, n], theta[n:, :n], theta[n:, n]
     reach = np.array([np.abs(np.reshape(row, (-1, n + 1)))[:, :n].sum(axis=0) for row in rows[:n]])
     bound = np.nextafter(reach, np.inf)
-    system = System(A, C, np.eye(n), np.eye(p), None, None, -bound, bound, e[:, None], r=r, kind=("uncertain", rows))
-    design = fixed_gain(system, _kalman_gain(A, C, w, v) if gain is None else gain)
+    kind = ("uncertain", rows, [float(value) for value in e])
+    system = System(A, C, np.eye(n), np.eye(p), None, None, -bound, bound, r=r, kind=kind)
+    design = fixed_gain(system, steady_gain(A, C, w, v) if gain is None else gain)
     x_last = history.recordings[-1][0][-1]
     return DataModel(system, design, w, v, x_last, np.array(spread), X0.min(axis=0), X0.max(axis=0))
 
@@ -149,25 +153,12 @@ def _extent(U: Array, target: Array, radius: float, name: str, argument: str) ->
             found = scipy.optimize.linprog(cost, rows, limits, bounds=(None, None), method="highs")
             if found.status == 2:
                 raise ModelViolationError(
-                    f"{argument}: expected a bound that some affine system satisfies on the recording, found {radius:g}, "
-                    f"but row {name} of least squares alone misses by up to {np.abs(residual).max() * scale:.3g}"
+                    f"{argument}: expected a bound that an affine system satisfies on the recording, found {radius:g}; "
+                    f"least squares misses row {name} by up to {np.abs(residual).max() * scale:.3g}"
                 )
             if found.status != 0:
                 raise DdmheError(f"history: expected a bounded set of systems, found that row {name}: {found.message}")
             # a point with constraints kept to TOLERANCE: the optimum may lie beyond by what the multipliers weigh them
             slack = TOLERANCE * (1.0 + float(np.abs(found.ineqlin.marginals).sum()))
-            ends[j] = best[j] + scale * (sign * found.fun - sign * slack)
+            ends[j] = best[j] + scale * sign * (float(found.fun) - slack)  # type: ignore[arg-type]
     return low, high
-
-
-def _kalman_gain(A: Array, C: Array, w: Array, v: Array) -> Array:
-    """Predictor gain A P Cᵀ (C P Cᵀ + R)⁻¹ of the steady Kalman filter; a small floor keeps R regular."""
-    Q = np.diag(np.maximum(w, 1e-9 * max(w.max(), 1e-9)) ** 2)
-    R = np.diag(np.maximum(v, 1e-9 * max(v.max(), 1e-9)) ** 2)
-    try:
-        P = scipy.linalg.solve_discrete_are(A.T, C.T, Q, R)
-    except np.linalg.LinAlgError as e:
-        reason = f"found none ({e}); give `gain`"
-        raise DdmheError(f"history: expected a system with a steady Kalman filter, {reason}") from e
-    gain: Array = A @ P @ C.T @ np.linalg.inv(C @ P @ C.T + R)
-    return gain

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ddmhe._core import DdmheError, IntervalEstimate, IntervalLog, ObserverCore, ShapeError
 from ddmhe.interval.observer_design import ObserverDesign
-from ddmhe.interval.systems import System, matrix
+from ddmhe.interval.systems import System, matrix, radius_of
 
 Array = NDArray[np.float64]
 
@@ -38,8 +38,8 @@ class IntervalObserver:
     Raises
     ------
     ShapeError, NotFiniteError, DdmheError
-        Wrong arguments. `step` and `run` raise ModelViolationError where a measurement contradicts model and bounds; the
-        observer is then as before that sample.
+        Wrong arguments. `step` and `run` raise ModelViolationError where a measurement contradicts model and bounds;
+        the observer is then as before that sample.
     """
 
     def __init__(
@@ -54,6 +54,7 @@ class IntervalObserver:
         method: str = "tight",
         reduction: str = "pca",
     ) -> None:
+        """Check every argument and start at x(0)."""
         if not isinstance(system, System):
             raise DdmheError(f"system: expected a ddmhe.interval.System, found {type(system).__name__}")
         if not isinstance(design, ObserverDesign):
@@ -65,12 +66,12 @@ class IntervalObserver:
         parts: dict[str, Any] = {k: getattr(system, k) for k in ("A", "C", "D1", "D2", "j_lo", "j_hi")}
         parts["B"] = np.zeros((system.n, 0)) if system.B is None else system.B
         parts["r"] = system.offset
-        parts["w_radius"] = _radius("w_radius", w_radius, system.D1.shape[1])
-        parts["v_radius"] = _radius("v_radius", v_radius, system.D2.shape[1])
+        parts["w_radius"] = radius_of("w_radius", w_radius, system.D1.shape[1])
+        parts["v_radius"] = radius_of("v_radius", v_radius, system.D2.shape[1])
         bound = design.gamma if design.verified else np.inf
         gain = {"L": design.gain, "P": design.P, "lam": design.lam, "gamma": bound, "weights": design.weights}
         gain |= {"mu_w": design.mu_w, "mu_v": design.mu_v}
-        start = _radius("x0_radius", x0_radius, system.n)
+        start = radius_of("x0_radius", x0_radius, system.n)
         self.system, self.design, self.method = system, design, method
         self._core = ObserverCore(system.kind, parts, gain, center.tolist(), start.tolist(), order, method, reduction)
 
@@ -96,11 +97,3 @@ class IntervalObserver:
             return u
         expected = "None, for the system has no input" if u is not None else f"{self.system.B.shape[1]} numbers"  # type: ignore[union-attr]
         raise ShapeError(f"u: expected {expected}, found {'an array' if u is not None else 'None'}")
-
-
-def _radius(name: str, value: ArrayLike, length: int) -> Array:
-    given = np.asarray(value)
-    array = matrix(name, np.full(length, given) if given.ndim == 0 else given, (length,))
-    if (array < 0).any():
-        raise DdmheError(f"{name}: expected radii of at least 0, found {array.min()}")
-    return array

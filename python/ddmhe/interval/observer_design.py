@@ -1,13 +1,13 @@
-"""Peak-to-peak design of the observer's gain: (41), (23), (42), and the exact vertex inequality; proved before it is used.
+"""Peak-to-peak design of the observer's gain: (41), (23), (42), and the exact vertex inequality; proved before use.
 
 With V = eᵀPe and e⁺ = (A - LC + J) e + G d, d = (w, v), G = [D1, -L D2], at every vertex J of [j_lo, j_hi]
 
     V⁺ <= (1 - λ) V + γ (‖w‖² + ‖v‖²)                      (41)
     ‖S e‖² <= (μw + μv)(λ V + (μw - γ)‖w‖² + (μv - γ)‖v‖²)    (23)
 
-give ‖S e_k‖² <= (μw + μv)(λ(1-λ)^k V_0 + μw ‖w‖² + μv ‖v‖²), (44) with S = I in the paper. (41) is affine in J once it is
-written for V⁺ by a Schur complement, so its vertices suffice ("exact"). The paper's own inequality ("paper") carries f by a
-multiplier instead and gives up a little.
+give ‖S e_k‖² <= (μw + μv)(λ(1-λ)^k V_0 + μw ‖w‖² + μv ‖v‖²), (44) with S = I in the paper. By a Schur complement (41)
+is affine in J, so its vertices suffice ("exact"). The paper's own inequality ("paper") carries f by a multiplier instead
+and gives up a little.
 """
 
 from __future__ import annotations
@@ -24,12 +24,12 @@ from numpy.typing import ArrayLike, NDArray
 from ddmhe._core import DdmheError, InfeasibleError
 from ddmhe.design.arguments import check_number
 from ddmhe.design.solver import solve
-from ddmhe.interval.systems import System, matrix
+from ddmhe.interval.systems import System, matrix, radius_of
 
 Array = NDArray[np.float64]
 Lmi = Literal["paper", "exact"]
 
-__all__ = ["ObserverDesign", "design_observer", "fixed_gain"]
+__all__ = ["ObserverDesign", "design_observer", "fixed_gain", "kalman_gain", "steady_gain"]
 
 MARGIN = 1e-9
 """Relative margin of the strict inequalities, and inflation of γ after it was proved."""
@@ -116,6 +116,34 @@ def fixed_gain(system: System, gain: ArrayLike) -> ObserverDesign:
     return ObserverDesign(L, np.eye(system.n), 0.5, none, none, none, False, none, np.ones(system.n), "given gain")
 
 
+def kalman_gain(system: System, w_radius: ArrayLike, v_radius: ArrayLike) -> Array:
+    """Gain (n, p) of the steady Kalman filter at the middle of [j_lo, j_hi], with the radii as standard deviations."""
+    w = radius_of("w_radius", w_radius, system.D1.shape[1])
+    v = radius_of("v_radius", v_radius, system.D2.shape[1])
+    if not np.isfinite([system.j_lo, system.j_hi]).all():
+        raise DdmheError("j_lo, j_hi: expected finite bounds for a gain, found infinite ones")
+    middle = system.A + 0.5 * (system.j_lo + system.j_hi)
+    return steady_gain(middle, system.C, w, v, system.D1, system.D2)
+
+
+def steady_gain(A: Array, C: Array, w: Array, v: Array, D1: Array | None = None, D2: Array | None = None) -> Array:
+    """Predictor gain A P Cᵀ (C P Cᵀ + R)⁻¹; a small floor keeps the covariances regular."""
+    Q = _covariance(np.eye(len(A)) if D1 is None else D1, w)
+    R = _covariance(np.eye(len(C)) if D2 is None else D2, v)
+    try:
+        P = scipy.linalg.solve_discrete_are(A.T, C.T, Q, R)
+    except np.linalg.LinAlgError as e:
+        raise DdmheError(f"gain: expected a system with a steady Kalman filter, found none ({e}); give a gain") from e
+    gain: Array = A @ P @ C.T @ np.linalg.inv(C @ P @ C.T + R)
+    return gain
+
+
+def _covariance(D: Array, radius: Array) -> Array:
+    covariance: Array = D @ np.diag(radius**2) @ D.T
+    floor = 1e-12 * max(float(np.trace(covariance)) / len(D), 1e-12)
+    return np.asarray(covariance + floor * np.eye(len(D)))
+
+
 def _searched(system: System, lmi: Lmi, S: Array) -> ObserverDesign:
     """The best λ: a coarse grid, then Brent's method about its best point."""
     found: dict[float, ObserverDesign] = {}
@@ -200,7 +228,7 @@ def _symmetric(lower: list[list[Any]]) -> Any:
     """The symmetric block matrix whose lower triangle is given; a block may span several columns of zeros."""
     rows = [cp.hstack(row) for row in lower]
     size = sum(row.shape[0] for row in rows)
-    padded = [cp.hstack([row, np.zeros((row.shape[0], size - row.shape[1]))]) if row.shape[1] < size else row for row in rows]
+    padded = [_widened(row, size) for row in rows]
     whole = cp.vstack(padded)
     mask = np.zeros((size, size))
     at = 0
@@ -212,10 +240,13 @@ def _symmetric(lower: list[list[Any]]) -> Any:
     return half + half.T
 
 
-def _smallest_gamma(
-    closed: Array, vertices: list[Array], G: Array, P: Array, lam: float
-) -> tuple[float, float] | None:
-    """The smallest γ, slightly inflated, for which eigenvalues confirm (41) at every vertex, and the slack that they leave.
+def _widened(row: Any, size: int) -> Any:
+    missing = size - row.shape[1]
+    return cp.hstack([row, np.zeros((row.shape[0], missing))]) if missing else row
+
+
+def _smallest_gamma(closed: Array, vertices: list[Array], G: Array, P: Array, lam: float) -> tuple[float, float] | None:
+    """The smallest γ, slightly inflated, for which eigenvalues confirm (41) at every vertex, and what they leave.
 
     Bisection on γ with P and L fixed: [[(1-λ)P, 0], [0, γI]] - [A_i, G]ᵀ P [A_i, G] >= 0. None if no γ will do.
     """
@@ -230,7 +261,7 @@ def _smallest_gamma(
             # congruence with the size of each variable: the sign stays, the scale is one
             scale = np.concatenate([1 / np.sqrt(np.diag(P)), np.full(m, 1 / np.sqrt(gamma))])
             worst = min(worst, float(np.linalg.eigvalsh(scale[:, None] * left * scale)[0]))
-        return worst - 100 * (n + m) * np.finfo(float).eps
+        return float(worst - 100 * (n + m) * np.finfo(float).eps)
 
     low, high = 0.0, max(float(np.trace(G.T @ P @ G)), 1e-300)
     for _ in range(200):
@@ -251,6 +282,6 @@ def _smallest_gamma(
 def _advice(at: str, system: System) -> str:
     free = int((system.j_lo < system.j_hi).sum())
     return (
-        f"lam: expected a gain that satisfies (41) at all {1 << free} vertices of [j_lo, j_hi], found none for {at}; a smaller "
-        "λ, narrower j_lo and j_hi, or another output may help; `fixed_gain` needs no such proof"
+        f"lam: expected a gain that satisfies (41) at all {1 << free} vertices of [j_lo, j_hi], found none for {at}; "
+        "a smaller λ, narrower j_lo and j_hi, or another output may help; `fixed_gain` needs no such proof"
     )

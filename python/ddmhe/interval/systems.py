@@ -16,7 +16,7 @@ Array = NDArray[np.float64]
 Function = Callable[[Array], ArrayLike]
 Jacobian = Callable[[Array, Array], tuple[ArrayLike, ArrayLike]]
 
-__all__ = ["System", "detumbling", "linear", "matrix", "pendulum", "van_der_pol"]
+__all__ = ["System", "detumbling", "linear", "matrix", "pendulum", "radius_of", "van_der_pol"]
 
 SLACK = 1e-13
 """Relative rounding error that is granted to f and jacobian given as Python functions."""
@@ -36,11 +36,21 @@ def matrix(name: str, value: ArrayLike, shape: tuple[int, ...], finite: bool = T
     return array
 
 
+def radius_of(name: str, value: ArrayLike, length: int) -> Array:
+    """(length,) radii from as many, or from one that serves all; DdmheError unless they are at least 0."""
+    given = np.asarray(value)
+    array = matrix(name, np.full(length, given) if given.ndim == 0 else given, (length,))
+    if (array < 0).any():
+        raise DdmheError(f"{name}: expected radii of at least 0, found {array.min()}")
+    return array
+
+
 @dataclass(frozen=True, eq=False)
 class System:
     """What is known of a system: (13) and (14).
 
-    x(k+1) = A x + B u + f(x) + D1 w, y = C x + r + D2 v. The bounds |w| <= w_radius, |v| <= v_radius are the observer's.
+    x(k+1) = A x + B u + f(x) + D1 w, y = C x + r + D2 v. The bounds
+    |w| <= w_radius, |v| <= v_radius are the observer's.
 
     Raises
     ------
@@ -115,7 +125,7 @@ class System:
 
     @property
     def offset(self) -> Array:
-        """R (p,), zero if not given."""
+        """Offset of the output (p,), zero if not given."""
         return np.zeros(self.p) if self.r is None else self.r
 
     def vertices(self) -> list[Array]:
@@ -177,7 +187,8 @@ def linear(
     if (C_rad < 0).any():
         raise DdmheError(f"C_radius: expected radii of at least 0, found {C_rad.min()}")
     rows = [_axes(row) for row in (*radius, *C_rad)]
-    return System(middle, C, _array(D1), _array(D2), None, None, -radius, radius, _optional(B), kind=("uncertain", rows))
+    kind = ("uncertain", rows, [0.0] * n)
+    return System(middle, C, _array(D1), _array(D2), None, None, -radius, radius, _optional(B), kind=kind)
 
 
 def _array(value: ArrayLike) -> Array:
@@ -202,9 +213,9 @@ def detumbling(
 ) -> System:
     """The 3-DOF target of Liu et al. 2026, IV-B, known within bounds: inertia ratios and torque matrices ± uncertainty.
 
-    x(k+1) = x + dt (a1 x2 x3, a2 x3 x1, a3 x1 x2) + dt N x + w, y = G x + v: forward Euler as in their (4), the rate of the
-    chaser zero. Bounds: a_i = (J2-J3)/J1 …, every entry of N = J⁻¹ ∂τ_t/∂ω and of G = ∂τ_c/∂ω within a relative
-    `uncertainty`; |x_i| <= rate_bound (rad/s) wherever the target may be.
+    x(k+1) = x + dt (a1 x2 x3, a2 x3 x1, a3 x1 x2) + dt N x + w, y = G x + v: forward Euler as in their (4), the
+    rate of the chaser zero. Bounds: a_i = (J2-J3)/J1 …, every entry of N = J⁻¹ ∂τ_t/∂ω and of G = ∂τ_c/∂ω within a
+    relative `uncertainty`; |x_i| <= rate_bound (rad/s) wherever the target may be.
     """
     model = models.detumbling() if model is None else model
     if not (np.isfinite(uncertainty) and 0 <= uncertainty < 1):
@@ -241,8 +252,8 @@ def detumbling(
 def van_der_pol(dt: float = 0.05, mu: float = 1.0, bound: float = 3.0) -> System:
     """Van der Pol's oscillator by forward Euler, y = x1 + v; |x_i| <= bound wherever the state may be.
 
-    x1⁺ = x1 + dt x2 + w1, x2⁺ = x2 + dt (mu (1 - x1²) x2 - x1) + w2, written as A x + f(x) with A = I + dt [[0, 1], [-1, mu]]
-    and f = (0, -dt mu x1² x2).
+    x1⁺ = x1 + dt x2 + w1, x2⁺ = x2 + dt (mu (1 - x1²) x2 - x1) + w2, written as A x + f(x) with
+    A = I + dt [[0, 1], [-1, mu]] and f = (0, -dt mu x1² x2).
     """
     A = np.eye(2) + dt * np.array([[0.0, 1.0], [-1.0, mu]])
 
