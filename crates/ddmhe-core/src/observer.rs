@@ -123,9 +123,7 @@ impl Default for Options {
 }
 
 /// Past transitions that a measurement is carried back through.
-const BACK: usize = 2;
-/// How often they are gone through for each measurement.
-const SWEEPS: usize = 2;
+const BACK: usize = 4;
 
 /// What one step leaves. Intervals (n).
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -159,11 +157,34 @@ struct Past {
     output: Vec<Interval>, // y - r - D2 v - δ, what C x is; all numbers where not measured
 }
 
-/// A x + f(x) + B u is in offset + slope (x - c) over a box with the middle c, row by row.
+/// A later state is in offset + slope (x - c) for every x of a box: the mean-value form, row by row.
+#[derive(Debug, Clone)]
 struct MeanValue {
     c: Vec<f64>,
-    offset: Vec<Interval>, // A c + f(c) + B u
+    offset: Vec<Interval>, // A c + f(c) + B u + D1 w, for one step
     slope: Vec<Interval>,  // A + [Df] over the box
+}
+
+impl MeanValue {
+    fn shifted(&self, x: &[Interval]) -> Vec<Interval> {
+        x.iter().zip(&self.c).map(|(x, &c)| *x - Interval::point(c)).collect()
+    }
+
+    fn image(&self, x: &[Interval]) -> Vec<Interval> {
+        let shifted = self.shifted(x);
+        let rows = self.slope.chunks_exact(x.len()).zip(&self.offset);
+        rows.map(|(row, &offset)| offset + dot(row, &shifted)).collect()
+    }
+
+    /// This map applied to what `first` leads to.
+    fn after(&self, first: &MeanValue) -> MeanValue {
+        let n = self.c.len();
+        let mut slope = Vec::with_capacity(n * n);
+        for row in self.slope.chunks_exact(n) {
+            slope.extend((0..n).map(|j| (0..n).fold(Interval::ZERO, |s, l| s + row[l] * first.slope[l * n + j])));
+        }
+        MeanValue { c: first.c.clone(), offset: self.image(&first.offset), slope }
+    }
 }
 
 /// A zonotope, an ellipsoid and a box around the state of a bounded-Jacobian system, one step at a time.
@@ -452,7 +473,7 @@ impl<D: Dynamics> IntervalObserver<D> {
         let mut predicted = Vec::with_capacity(self.n);
         let ahead = match self.method {
             Method::Paper => None,
-            Method::Tight => Some(self.forward(&past[now])?),
+            Method::Tight => Some(self.linearised(&past[now])?.image(&past[now].x)),
         };
         for i in 0..self.n {
             let inner = match &ahead {
@@ -606,19 +627,27 @@ impl<D: Dynamics> IntervalObserver<D> {
         if self.method == Method::Paper {
             return Ok(());
         }
-        for _ in 0..SWEEPS {
-            for k in (0..last).rev() {
-                let (before, after) = past.split_at_mut(k + 1);
-                self.backward(&mut before[k], &after[0].x)?;
-                self.contract_output(&mut before[k])?;
+        // maps from x(k) to x(k+1) and, composed, to the newest state; what is composed keeps the correlations that
+        // boxes in between would lose
+        let mut maps: Vec<(MeanValue, MeanValue)> = Vec::with_capacity(last);
+        for k in (0..last).rev() {
+            let one = self.linearised(&past[k])?;
+            let whole = maps.last().map_or_else(|| one.clone(), |(_, later)| later.after(&one));
+            let (before, after) = past.split_at_mut(k + 1);
+            self.backward(&one, &mut before[k].x, &after[0].x)?;
+            if k + 1 < last {
+                self.backward(&whole, &mut before[k].x, &after[after.len() - 1].x)?;
             }
-            for k in 0..last {
-                let ahead = self.forward(&past[k])?;
-                self.narrow(&mut past[k + 1].x, &ahead)?;
-                self.contract_output(&mut past[k + 1])?;
-            }
+            self.contract_output(&mut before[k])?;
+            maps.push((one, whole));
         }
-        Ok(())
+        for (k, (one, whole)) in maps.iter().rev().enumerate() {
+            let (next, newest) = (one.image(&past[k].x), whole.image(&past[k].x));
+            self.narrow(&mut past[k + 1].x, &next)?;
+            self.narrow(&mut past[last].x, &newest)?;
+            self.contract_output(&mut past[k + 1])?;
+        }
+        self.contract_output(&mut past[last])
     }
 
     /// x within what the outputs say about C x.
@@ -631,17 +660,16 @@ impl<D: Dynamics> IntervalObserver<D> {
         Ok(())
     }
 
-    /// x(k) within what x(k+1) allows: (A + \[J\])(x - c) = x⁺ - A c - f(c) - B u - D1 w, row by row.
-    fn backward(&self, past: &mut Past, next: &[Interval]) -> Result<(), Error> {
-        let at = self.linearised(past)?;
-        let shifted: Vec<Interval> = past.x.iter().zip(&at.c).map(|(x, &c)| *x - Interval::point(c)).collect();
+    /// x within what its image under the map allows, row by row.
+    fn backward(&self, map: &MeanValue, x: &mut [Interval], image: &[Interval]) -> Result<(), Error> {
+        let shifted = map.shifted(x);
         let mut narrowed = shifted.clone();
-        for (i, next) in next.iter().enumerate() {
-            let sum = *next - at.offset[i] - self.disturbance[i];
-            self.contract_row(&at.slope[i * self.n..(i + 1) * self.n], sum, &shifted, &mut narrowed)?;
+        for (i, image) in image.iter().enumerate() {
+            let sum = *image - map.offset[i];
+            self.contract_row(&map.slope[i * self.n..(i + 1) * self.n], sum, &shifted, &mut narrowed)?;
         }
-        let back: Vec<Interval> = narrowed.iter().zip(&at.c).map(|(x, &c)| *x + Interval::point(c)).collect();
-        self.narrow(&mut past.x, &back)
+        let back: Vec<Interval> = narrowed.iter().zip(&map.c).map(|(x, &c)| *x + Interval::point(c)).collect();
+        self.narrow(x, &back)
     }
 
     /// x within other, entry by entry.
@@ -652,15 +680,7 @@ impl<D: Dynamics> IntervalObserver<D> {
         Ok(())
     }
 
-    /// Bounds of x(k+1) from those of x(k).
-    fn forward(&self, past: &Past) -> Result<Vec<Interval>, Error> {
-        let at = self.linearised(past)?;
-        let shifted: Vec<Interval> = past.x.iter().zip(&at.c).map(|(x, &c)| *x - Interval::point(c)).collect();
-        let ahead =
-            |i: usize| at.offset[i] + dot(&at.slope[i * self.n..(i + 1) * self.n], &shifted) + self.disturbance[i];
-        Ok((0..self.n).map(ahead).collect())
-    }
-
+    /// x(k) to x(k+1).
     fn linearised(&self, past: &Past) -> Result<MeanValue, Error> {
         let c: Vec<f64> = past.x.iter().map(|x| x.mid()).collect();
         let mut slope = self.jacobian(&past.x)?;
@@ -668,7 +688,10 @@ impl<D: Dynamics> IntervalObserver<D> {
         let mut offset = vec![Interval::ZERO; self.n];
         self.dynamics.value(&c, &mut offset)?;
         for (i, value) in offset.iter_mut().enumerate() {
-            *value = *value + dot(&points(&self.system.A[i * self.n..(i + 1) * self.n]), &points(&c)) + past.input[i];
+            *value = *value
+                + dot(&points(&self.system.A[i * self.n..(i + 1) * self.n]), &points(&c))
+                + past.input[i]
+                + self.disturbance[i];
         }
         Ok(MeanValue { c, offset, slope })
     }

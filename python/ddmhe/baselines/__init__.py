@@ -3,15 +3,17 @@
 - `KoopmanMhe`, `ErrorStateKalman`: the two methods that Liu et al. 2026 compare with.
 - `ArxKalman`, `RidgeFir`: the usual data-driven choices, a Kalman filter on an identified model and a regression.
 - `Oracle`: a Kalman filter (extended or unscented) that knows the true model: a limit for everything else.
+- `TahirIntervalObserver`: a mixed-monotone interval observer, a reconstruction; takes an `interval.System`.
 
-All share one interface with `DdMhe`: `step(y_t)` consumes the next output and returns the estimate of the state right
-after it (step t consumes y(t-1) and gives x̂(t)), `run(Y)` does it for many, `reset(x_prior)` starts again.
+All but the last share one interface with `DdMhe`: `step(y_t)` consumes the next output and returns the estimate of the
+state right after it (step t consumes y(t-1) and gives x̂(t)), `run(Y)` does it for many, `reset(x_prior)` starts again.
 """
 
 from ddmhe.baselines.base import Baseline, Estimate, Log
 from ddmhe.baselines.kalman import ArxKalman, ErrorStateKalman, Oracle
 from ddmhe.baselines.koopman import KoopmanMhe, thin_plate
 from ddmhe.baselines.regression import RidgeFir
+from ddmhe.baselines.tahir import TahirIntervalObserver
 
 __all__ = [
     "ArxKalman",
@@ -22,5 +24,6 @@ __all__ = [
     "Log",
     "Oracle",
     "RidgeFir",
+    "TahirIntervalObserver",
     "thin_plate",
 ]

@@ -59,10 +59,11 @@ class DataModel:
         w, v = (", ".join(f"{r:.3g}" for r in radius) for radius in (self.w_radius, self.v_radius))
         low, high = (", ".join(f"{x:.3g}" for x in side) for side in (self.lower, self.upper))
         return (
-            f"Guaranteed for every system x+ = A x + e + w, y = C x + r + v that the recording allows with |w| <= ({w}) "
-            f"and |v| <= ({v}), then and now. The recorded states count as true, so their errors belong into w and v; so "
-            f"does whatever an affine system does not follow. Recorded: from ({low}) to ({high}); outside of this "
-            "range the guarantee holds only for a system that is affine there, too."
+            "Guaranteed for every system x+ = A x + e + w, y = C x + r + v that the recording allows with "
+            f"|w| <= ({w}) and |v| <= ({v}), then and now. The recorded states count as true, so their errors belong "
+            "into w and v; so does whatever an affine system does not follow. "
+            f"Recorded: from ({low}) to ({high}); outside of this range the guarantee holds only for a system that is "
+            "affine there, too."
         )
 
     def observer(

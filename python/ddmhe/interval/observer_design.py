@@ -6,8 +6,8 @@ With V = eᵀPe and e⁺ = (A - LC + J) e + G d, d = (w, v), G = [D1, -L D2], at
     ‖S e‖² <= (μw + μv)(λ V + (μw - γ)‖w‖² + (μv - γ)‖v‖²)    (23)
 
 give ‖S e_k‖² <= (μw + μv)(λ(1-λ)^k V_0 + μw ‖w‖² + μv ‖v‖²), (44) with S = I in the paper. By a Schur complement (41)
-is affine in J, so its vertices suffice ("exact"). The paper's own inequality ("paper") carries f by a multiplier instead
-and gives up a little.
+is affine in J, so its vertices suffice ("exact"). The paper's own inequality ("paper") carries f by a multiplier
+instead and gives up a little.
 """
 
 from __future__ import annotations
