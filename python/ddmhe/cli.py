@@ -16,7 +16,7 @@ from rich.progress import Progress
 
 from ddmhe import demo as demo_case
 from ddmhe import report
-from ddmhe._core import DdMhe, DdmheError
+from ddmhe._core import DdMhe, DdmheError, ModelViolationError
 from ddmhe._core import Log as Estimates
 from ddmhe.config import read_config, space_from_text, write_config
 from ddmhe.logs import Log, Split, read_log
@@ -48,8 +48,10 @@ def _fail(message: str) -> NoReturn:
     sys.exit(2)
 
 
-def _names(ctx: click.Context, param: click.Parameter, value: str) -> tuple[str, ...]:
+def _names(ctx: click.Context, param: click.Parameter, value: str | None) -> tuple[str, ...]:
     """Column names from a comma-separated list."""
+    if value is None:  # `interval pendulum` needs none
+        return ()
     names = tuple(part.strip() for part in value.split(","))
     if "" in names:
         raise click.BadParameter(f"expected column names separated by commas, found {value!r}")
@@ -205,6 +207,90 @@ def tune(log: Path, out: Path, output_noise: float | None, rest: bool, **given: 
     _print_written(console, written)
 
 
+def _interval_options(command: Any) -> Any:
+    """`log_options`, but none is required: the pendulum needs no log."""
+    for option in reversed(LOG_OPTIONS[1:]):
+        command = option(command)
+    for parameter in command.__click_params__:
+        parameter.required = False
+    return command
+
+
+@cli.command("interval")
+@click.argument("log", metavar="pendulum|LOG")
+@_interval_options
+@click.option("--w-radius", type=float, help="Bound on |x(k+1) - A x(k) - e|, unit of the states.")
+@click.option("--v-radius", type=float, help="Bound on |y(k) - C x(k) - r|, unit of the outputs.")
+@click.option(
+    "--out", type=click.Path(path_type=Path), default=Path("ddmhe-interval"), show_default=True, metavar="DIR"
+)
+def interval_command(log: str, w_radius: float | None, v_radius: float | None, out: Path, **given: Any) -> None:
+    """Guaranteed intervals: of the interval paper's pendulum, or of a LOG's states after its history.
+
+    pendulum: gain, gains in the peak, widths of every method, both figures of the paper with ours beside it. LOG: an
+    interval observer for every affine system that the history allows with the stated bounds on its noise.
+    """
+    if log == "pendulum":
+        _interval_pendulum(out)
+    else:
+        _interval_log(Path(log), w_radius, v_radius, out, given)
+
+
+def _interval_pendulum(out: Path) -> None:
+    from ddmhe.reproduce import run_experiment
+    from ddmhe.reproduce.experiments import EXPERIMENTS
+    from ddmhe.reproduce.pendulum import design
+
+    console = Console(width=None if sys.stdout.isatty() else 160)
+    with Progress(console=console, disable=not console.is_terminal, transient=True) as progress:
+        task = progress.add_task("pendulum", total=EXPERIMENTS["pendulum"].units)
+        result, written = run_experiment("pendulum", out, lambda: progress.advance(task))
+    designs = {"paper (42), lambda = 0.5": design(), "exact, lambda = 0.5": design("exact")}
+    designs["exact, best lambda"] = design("exact", None)
+    columns = {name: report.observer_design(g) for name, g in designs.items()}
+    console.print(report.table("Observer of the pendulum (60)", columns), *result.printed)
+    _print_written(console, written)
+
+
+def _interval_log(log: Path, w_radius: float | None, v_radius: float | None, out: Path, given: dict[str, Any]) -> None:
+    from ddmhe.interval import from_history
+    from ddmhe.plot import intervals_figure
+
+    radii = {"--w-radius": w_radius, "--v-radius": v_radius}
+    needed = {f"--{key}": given[key] for key in ("state", "output", "history")} | radii
+    for name, value in needed.items():
+        if value is None or value == ():
+            raise click.UsageError(f"{name}: expected with a log, found none")
+    samples, split = _read(log, given)
+    model = from_history(split.history, np.float64(w_radius or 0.0), np.float64(v_radius or 0.0))
+    observer = model.observer()
+    try:
+        bounds = observer.run(split.Y)
+    except ModelViolationError as e:
+        raise DdmheError(f"--w-radius, --v-radius: expected bounds that the whole log keeps, found {e}") from e
+    out.mkdir(parents=True, exist_ok=True)
+    written = [out / "interval.csv", out / "interval.png"]
+    names = samples.names.state
+    columns = [f"{name} {end}" for name in names for end in ("lower", "upper")]
+    values = np.stack([bounds.lower, bounds.upper], axis=2).reshape(len(bounds.lower), -1)
+    report.write_estimates(written[0], samples.names.time, split.t, columns, values)
+    truth = np.full_like(bounds.lower, np.nan) if split.x_true is None else split.x_true
+    shown = {"interval": (bounds.lower, bounds.upper)}
+    report.save_figure(
+        intervals_figure(split.t, truth, shown, [f"{name} (unit of the log)" for name in names]), written[1]
+    )
+    console = Console()
+    width = bounds.upper - bounds.lower
+    rows = {f"mean full width of {name}": f"{value:.4g}" for name, value in zip(names, width.mean(axis=0), strict=True)}
+    if split.x_true is not None:
+        known = np.isfinite(split.x_true)
+        out_of = ((split.x_true < bounds.lower) | (split.x_true > bounds.upper)) & known
+        rows["samples of the log outside"] = f"{int(out_of.any(axis=1).sum())} of {int(known.all(axis=1).sum())}"
+    console.print(report.table(f"Intervals of {log.name}", {"": rows}))
+    console.print(model.words, markup=False, highlight=False)
+    _print_written(console, written)
+
+
 @cli.command()
 @click.argument("name", metavar="NAME|all|real")
 @click.option(
@@ -215,8 +301,8 @@ def reproduce(name: str, out: Path, data: Path | None) -> None:
     """The experiments of the papers again: figures, series, and a verdict on each claim.
 
     NAME: bench-nominal, bench-noise, bench-disturbance, bench-both (Figs. 2 to 5), bench-mu (Fig. 6), detumbling
-    (Figs. 7 and 8), design (rho0 and mu0), all; or real, every estimator on measured pendulum logs. Writes PNG, SVG,
-    CSV and claims.md into DIR.
+    (Figs. 7 and 8), design (rho0 and mu0), pendulum (the interval paper), all; or real, every estimator on measured
+    pendulum logs. Writes PNG, SVG, CSV and claims.md into DIR.
     """
     from ddmhe.reproduce import EXPERIMENTS, pendulum_logs, reproduce_real, run_experiment, write_claims
 

@@ -29,11 +29,13 @@ Array = NDArray[np.float64]
 __all__ = [
     "estimate_figure",
     "heat_figure",
+    "intervals_figure",
     "outputs_figure",
     "pole_figure",
     "sweep_figure",
     "trials_figure",
     "tuning_figure",
+    "widths_figure",
 ]
 
 _TRUTH: dict[str, Any] = {"linewidth": 3.5, "alpha": 0.35}
@@ -310,6 +312,39 @@ def heat_figure(
         if k == 0:
             axes.set_ylabel(rows[0])
     figure.colorbar(image, ax=figure.axes, label=unit)
+    return figure
+
+
+def intervals_figure(t: Array, x: Array, bounds: Mapping[str, tuple[Array, Array]], names: Sequence[str]) -> Figure:
+    """True states (N, n) and (lower, upper) of each method, a panel per state.
+
+    `names` are the states' labels with their units.
+    """
+    figure = Figure(figsize=(10, 3.4 * len(names)), layout="constrained")
+    for i, axes in enumerate(figure.subplots(len(names), 1, sharex=True, squeeze=False)[:, 0]):
+        for k, (name, (lower, upper)) in enumerate(bounds.items()):
+            for side, label in ((lower, name), (upper, None)):
+                axes.plot(t, side[:, i], color=_color(k), label=label, **_ESTIMATE)
+        axes.plot(t, x[:, i], color="black", linestyle="--", linewidth=1, label="true")
+        widest = max(float(np.median(upper[:, i] - lower[:, i])) for lower, upper in bounds.values())
+        axes.set_ylim(x[:, i].min() - widest, x[:, i].max() + widest)
+        axes.set_ylabel(names[i])
+        axes.grid(alpha=0.3)
+    figure.axes[0].legend(fontsize="small", ncols=3, loc="upper right")
+    figure.axes[-1].set_xlabel("time (s)")
+    return figure
+
+
+def widths_figure(t: Array, widths: Mapping[str, Array], names: Sequence[str]) -> Figure:
+    """Full width (N, n) of each method's bounds over time on a log axis, a panel per state."""
+    figure = Figure(figsize=(10, 3.4 * len(names)), layout="constrained")
+    for i, axes in enumerate(figure.subplots(len(names), 1, sharex=True, squeeze=False)[:, 0]):
+        for k, (name, width) in enumerate(widths.items()):
+            axes.plot(t, width[:, i], color=_color(k), label=name, linestyle=["-", "--"][k % 2], linewidth=1.4)
+        axes.set(yscale="log", ylabel=f"full width of the bounds of {names[i]}")
+        axes.grid(alpha=0.3)
+    figure.axes[0].legend(fontsize="x-small", ncols=3, loc="upper right")
+    figure.axes[-1].set_xlabel("time (s)")
     return figure
 
 

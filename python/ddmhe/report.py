@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from ddmhe.design import AffineModel, Certificate, PolePlacement
+    from ddmhe.interval import ObserverDesign
     from ddmhe.reproduce import Claim
 
 Array = NDArray[np.float64]
@@ -25,6 +26,7 @@ Array = NDArray[np.float64]
 __all__ = [
     "design",
     "nrmse",
+    "observer_design",
     "outcome",
     "rmse",
     "rmse_norm",
@@ -124,6 +126,17 @@ def design(
         "largest eigenvalue": f"{certificate.residual:.3g}",
     }
     return table(title, {"": rows})
+
+
+def observer_design(design: ObserverDesign) -> dict[str, str]:
+    """An interval observer's gain and its bound, as label and text."""
+    return {
+        "gain": ", ".join(f"{v:.5g}" for v in design.gain.ravel()),
+        "mu_w, mu_v": f"{design.mu_w:.5g}, {design.mu_v:.5g}",
+        "gamma": f"{design.gamma:.5g}",
+        "lambda": f"{design.lam:.4g}",
+        "verified": f"yes, slack {design.slack:.1e}" if design.verified else "no",
+    }
 
 
 def scores(title: str, best: pd.DataFrame) -> Table:

@@ -17,7 +17,7 @@ from ddmhe import demo, report
 from ddmhe._core import DdmheError
 from ddmhe.reproduce import bench, satellite
 from ddmhe.reproduce.claims import Claim
-from ddmhe.reproduce.montecarlo import ENDS, Trials, percentiles, run_trials
+from ddmhe.reproduce.montecarlo import ENDS, Trials, in_parallel, percentiles, run_trials
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -176,6 +176,39 @@ def _design(advance: Callable[[], None]) -> Result:
     return Result(claims, {"design": frame}, {}, [table])
 
 
+# --- the interval paper
+
+
+def pendulum_intervals(advance: Callable[[], None]) -> Result:
+    """The two figures of the interval paper, and the widths of every method."""
+    from ddmhe.plot import intervals_figure, widths_figure
+    from ddmhe.reproduce import pendulum
+
+    trials = in_parallel(pendulum.trial, range(SEEDS), advance)
+    found = pendulum.measures(trials)
+    mean = pendulum.widths(found)
+    t: Array = pendulum.DT * np.arange(1, trials[0].x.shape[0], dtype=np.float64)
+    table = Table("method", *pendulum.MEASURES, "samples outside", title_justify="left")
+    table.title = f"pendulum: mean full width of the bounds of x(51) to x(100), {SEEDS} trajectories"
+    for name, width in mean.items():
+        table.add_row(name, *(f"{w:.5f}" for w in width), str(sum(trial.violations(name) for trial in trials)))
+    first = trials[0]
+    shown = {name: first.bounds[name] for name in (pendulum.BALL, pendulum.TAHIR, pendulum.PAPER, pendulum.TIGHT)}
+    figures = {
+        "pendulum": intervals_figure(t, first.x[1:], shown, pendulum.MEASURES),
+        "pendulum-widths": widths_figure(t, {k: v.mean(axis=0) for k, v in found.items()}, pendulum.MEASURES),
+    }
+    series = {"time_s": t, "x1 true": first.x[1:, 0], "x2 true": first.x[1:, 1]}
+    for name, (lower, upper) in first.bounds.items():
+        for i in range(2):
+            series |= {f"x{i + 1} lower {name}": lower[:, i], f"x{i + 1} upper {name}": upper[:, i]}
+    frame = pd.DataFrame(
+        {"method": list(mean), **{q: [w[i] for w in mean.values()] for i, q in enumerate(pendulum.MEASURES)}}
+    )
+    tables = {"pendulum": pd.DataFrame(series), "pendulum-widths": frame}
+    return Result(pendulum.claims(trials), tables, figures, [table])
+
+
 # --- measured logs
 
 
@@ -266,6 +299,7 @@ EXPERIMENTS: dict[str, Experiment] = {
     "bench-mu": Experiment(SWEEP_SEEDS * len(bench.MUS), _mu),
     "detumbling": Experiment(SEEDS * len(satellite.NOISES) * len(satellite.RECORDED), _detumbling),
     "design": Experiment(1, _design),
+    "pendulum": Experiment(SEEDS, pendulum_intervals),
 }
 
 
