@@ -23,7 +23,7 @@ use crate::config::check_vector;
 use crate::error::Error;
 use crate::history::check_finite;
 use crate::interval::{Interval, dot, points};
-use crate::zonotope::{Reduction, Zonotope, diagonal, inflation, reduce, row_sums};
+use crate::zonotope::{Reduction, Zonotope, diagonal, inflation, reduce, row_sums, strip_range};
 use faer::linalg::solvers::DenseSolveCore;
 use faer::{Mat, Side};
 
@@ -417,6 +417,14 @@ impl<D: Dynamics> IntervalObserver<D> {
         past.push(Past { x: self.box_.clone(), input, output });
         self.contract(&mut past)?;
         let now = past.len() - 1;
+        if self.method == Method::Tight {
+            let axes = diagonal(&vec![1.0; self.n]);
+            for (i, axis) in axes.chunks_exact(self.n).enumerate() {
+                let known = Interval::point(self.center[i]) + self.along(axis, &past[now], i)?;
+                let x = &mut past[now].x[i];
+                *x = x.intersect(known).ok_or_else(|| self.violation(i, [*x, known].into_iter()))?;
+            }
+        }
         let filtered = past[now].x.clone();
 
         // Jacobian over the segment from x̂ to x (14): over the zonotope's hull, or over all that is known of x.
@@ -442,12 +450,36 @@ impl<D: Dynamics> IntervalObserver<D> {
                 false => Interval::ZERO,
             })
             .collect();
+        let mut ahead = match self.method {
+            Method::Paper => Vec::new(),
+            Method::Tight => self.linearised(&past[now])?.image(&past[now].x),
+        };
         let (mut center, mut rest) = (vec![0.0; self.n], self.noise_error.clone());
         for i in 0..self.n {
             let next = dot(&points(&self.system.A[i * self.n..(i + 1) * self.n]), &estimate)
                 + past[now].input[i]
                 + value[i]
                 + dot(&points(&self.gain.L[i * self.p..(i + 1) * self.p]), &innovation);
+            if self.method == Method::Tight {
+                // x(k+1) about x̂ along row i of A + [J], with the zonotope's correlations
+                let row = i * self.n..(i + 1) * self.n;
+                let slope: Vec<Interval> = J[row.clone()]
+                    .iter()
+                    .zip(&self.system.A[row.clone()])
+                    .map(|(j, &a)| *j + Interval::point(a))
+                    .collect();
+                let middle: Vec<f64> = slope.iter().map(|s| s.mid()).collect();
+                let spread = slope
+                    .iter()
+                    .zip(&middle)
+                    .zip(filtered.iter().zip(&self.center))
+                    .fold(Interval::ZERO, |sum, ((s, &m), (x, &c))| {
+                        sum + (*s - Interval::point(m)) * (*x - Interval::point(c))
+                    });
+                let free = dot(&points(&self.system.A[row]), &estimate) + past[now].input[i] + value[i];
+                let known = free + self.along(&middle, &past[now], i)? + spread + self.disturbance[i];
+                ahead[i] = ahead[i].intersect(known).ok_or_else(|| self.violation(i, [ahead[i], known].into_iter()))?;
+            }
             center[i] = next.mid();
             rest[i] = (rest[i] + next.rad()) * inflation(1);
             // what C and r are uncertain by enters through L
@@ -471,18 +503,14 @@ impl<D: Dynamics> IntervalObserver<D> {
 
         let hull = self.hull(&center, &generators);
         let mut predicted = Vec::with_capacity(self.n);
-        let ahead = match self.method {
-            Method::Paper => None,
-            Method::Tight => Some(self.linearised(&past[now])?.image(&past[now].x)),
-        };
         for i in 0..self.n {
-            let inner = match &ahead {
+            let inner = match ahead.get(i) {
                 None => Some(ball[i]), // (59)
-                Some(forward) => forward[i].intersect(ellipsoid[i]).and_then(|x| x.intersect(ball[i])),
+                Some(forward) => forward.intersect(ellipsoid[i]).and_then(|x| x.intersect(ball[i])),
             };
             let found = inner.and_then(|x| x.intersect(hull[i]));
             predicted.push(found.ok_or_else(|| {
-                let all = [Some(hull[i]), Some(ball[i]), Some(ellipsoid[i]), ahead.as_ref().map(|f| f[i])];
+                let all = [Some(hull[i]), Some(ball[i]), Some(ellipsoid[i]), ahead.get(i).copied()];
                 self.violation(i, all.into_iter().flatten())
             })?);
         }
@@ -510,6 +538,21 @@ impl<D: Dynamics> IntervalObserver<D> {
     fn power(&self) -> f64 {
         let sum: f64 = self.system.w_radius.iter().chain(&self.system.v_radius).map(|r| r * r).sum();
         sum * inflation(self.system.w_radius.len() + self.system.v_radius.len())
+    }
+
+    /// Bounds of dᵀe over the zonotope cut by each output in turn.
+    fn along(&self, d: &[f64], past: &Past, state: usize) -> Result<Interval, Error> {
+        let estimate = points(&self.center);
+        let mut known = Interval::ENTIRE;
+        for (row, output) in self.system.C.chunks_exact(self.n).zip(&past.output) {
+            let strip = *output - dot(&points(row), &estimate);
+            let found = strip_range(&self.generators, d, row, strip);
+            let sets = [known, found.unwrap_or(known)];
+            known = found
+                .and_then(|found| found.intersect(known))
+                .ok_or_else(|| self.violation(state, sets.into_iter()))?;
+        }
+        Ok(known)
     }
 
     /// M⁺: (45)-(50), or with Ã + \[J\] as one interval matrix; reduced.

@@ -324,6 +324,52 @@ fn oriented_box(n: usize, columns: &[f64]) -> Vec<f64> {
     turned
 }
 
+/// Bounds of dᵀe over all e of ⟨0, M⟩ with aᵀe in `strip`; None if there is no such e.
+///
+/// One two-sided constraint leaves a linear programme whose dual has one variable: for every ν
+/// dᵀe ≤ Σ|dᵀg - ν aᵀg| + max(ν strip), so whatever ν is found the bound holds; the best one is at a kink dᵀg/aᵀg or at 0.
+pub(crate) fn strip_range(columns: &[f64], d: &[f64], a: &[f64], strip: Interval) -> Option<Interval> {
+    let n = d.len();
+    let inner = |x: &[f64], g: &[f64]| x.iter().zip(g).map(|(x, g)| x * g).sum::<f64>();
+    let images: Vec<(f64, f64)> = columns.chunks_exact(n).map(|g| (inner(d, g), inner(a, g))).collect();
+    // what rounding may have taken from the images, summed over the generators
+    let sums = row_sums(n, columns);
+    let lost = |x: &[f64]| (n as f64 + 2.0) * f64::EPSILON * x.iter().zip(&sums).map(|(x, s)| x.abs() * s).sum::<f64>();
+    let (lost_d, lost_a) = (lost(d), lost(a));
+    let upper = |sign: f64| -> f64 {
+        let bound = |nu: f64| {
+            let sum: f64 = images.iter().map(|(d, a)| (sign * d - nu * a).abs()).sum();
+            let size: f64 = images.iter().map(|(d, a)| d.abs() + (nu * a).abs()).sum();
+            let strip = if nu == 0.0 { 0.0 } else { (Interval::point(nu) * strip).hi };
+            let rounding = lost_d + nu.abs() * lost_a + 4.0 * f64::EPSILON * size;
+            (sum + rounding + strip.max(0.0)) * inflation(images.len()) + strip.min(0.0)
+        };
+        if !(strip.lo.is_finite() && strip.hi.is_finite()) {
+            return bound(0.0);
+        }
+        let mut kinks: Vec<(f64, f64)> = images
+            .iter()
+            .filter(|(_, a)| *a != 0.0)
+            .map(|(d, a)| (sign * d / a, 2.0 * a.abs()))
+            .filter(|(at, _)| at.is_finite())
+            .collect();
+        kinks.push((0.0, strip.hi - strip.lo));
+        kinks.sort_unstable_by(|x, y| x.0.total_cmp(&y.0));
+        let mut slope = strip.lo - kinks.iter().map(|k| k.1).sum::<f64>() / 2.0 + (strip.hi - strip.lo) / 2.0;
+        let mut nu = 0.0;
+        for (at, change) in kinks {
+            slope += change;
+            if slope >= 0.0 {
+                nu = at;
+                break;
+            }
+        }
+        let found = bound(nu).min(bound(0.0));
+        found + 4.0 * f64::EPSILON * found.abs()
+    };
+    Interval::new(-upper(-1.0), upper(1.0))
+}
+
 /// Generators of the box with half widths r.
 pub(crate) fn diagonal(r: &[f64]) -> Vec<f64> {
     let n = r.len();
