@@ -223,6 +223,11 @@ pub fn dot(a: &[Interval], x: &[Interval]) -> Interval {
     a.iter().zip(x).fold(Interval::ZERO, |sum, (&a, &x)| sum + a * x)
 }
 
+/// Σ_j a_j x_j with numbers a_j.
+pub fn weighted(a: &[f64], x: &[Interval]) -> Interval {
+    a.iter().zip(x).fold(Interval::ZERO, |sum, (&a, &x)| sum + a * x)
+}
+
 /// Matrix (row-major, columns = x.len()) times vector.
 pub fn mat_vec(matrix: &[Interval], x: &[Interval]) -> Vec<Interval> {
     matrix.chunks_exact(x.len()).map(|row| dot(row, x)).collect()

@@ -22,7 +22,7 @@
 use crate::config::check_vector;
 use crate::error::Error;
 use crate::history::check_finite;
-use crate::interval::{Interval, dot, points};
+use crate::interval::{Interval, dot, points, weighted};
 use crate::zonotope::{Reduction, Zonotope, diagonal, inflation, reduce, row_sums, strip_range};
 use faer::linalg::solvers::DenseSolveCore;
 use faer::{Mat, Side};
@@ -300,7 +300,7 @@ impl<D: Dynamics> IntervalObserver<D> {
         for i in 0..n {
             for j in 0..n {
                 let column: Vec<Interval> = (0..p).map(|k| C[k * n + j]).collect();
-                error_map[i * n + j] = error_map[i * n + j] - dot(&points(&gain.L[i * p..(i + 1) * p]), &column);
+                error_map[i * n + j] = error_map[i * n + j] - weighted(&gain.L[i * p..(i + 1) * p], &column);
             }
         }
         // MIN_POSITIVE: what products may lose where they fall below the normal numbers
@@ -311,7 +311,7 @@ impl<D: Dynamics> IntervalObserver<D> {
                     Interval::point(system.D1[i * nw + k]) * Interval::point(system.w_radius[k])
                 } else {
                     let column: Vec<Interval> = (0..p).map(|j| Interval::point(system.D2[j * nv + k - nw])).collect();
-                    dot(&points(&gain.L[i * p..(i + 1) * p]), &column) * Interval::point(system.v_radius[k - nw])
+                    weighted(&gain.L[i * p..(i + 1) * p], &column) * Interval::point(system.v_radius[k - nw])
                 };
                 noise.push(exact.mid());
                 *error += exact.rad();
@@ -319,7 +319,7 @@ impl<D: Dynamics> IntervalObserver<D> {
         }
         let ball = |radius: &[f64]| -> Vec<Interval> { radius.iter().map(|&r| Interval { lo: -r, hi: r }).collect() };
         let product = |D: &[f64], radius: &[f64], rows: usize| -> Vec<Interval> {
-            (0..rows).map(|i| dot(&points(&D[i * radius.len()..(i + 1) * radius.len()]), &ball(radius))).collect()
+            (0..rows).map(|i| weighted(&D[i * radius.len()..(i + 1) * radius.len()], &ball(radius))).collect()
         };
         let mut observer = IntervalObserver {
             error_map,
@@ -410,9 +410,9 @@ impl<D: Dynamics> IntervalObserver<D> {
                 }
             })
             .collect();
-        let input = (0..self.n)
-            .map(|i| dot(&points(&self.system.B[i * self.inputs..(i + 1) * self.inputs]), &points(u)))
-            .collect();
+        let input =
+            (0..self.n).map(|i| weighted(&self.system.B[i * self.inputs..(i + 1) * self.inputs], &points(u))).collect();
+        // only `Tight` looks back
         let mut past = self.past.clone();
         past.push(Past { x: self.box_.clone(), input, output });
         self.contract(&mut past)?;
@@ -456,10 +456,10 @@ impl<D: Dynamics> IntervalObserver<D> {
         };
         let (mut center, mut rest) = (vec![0.0; self.n], self.noise_error.clone());
         for i in 0..self.n {
-            let next = dot(&points(&self.system.A[i * self.n..(i + 1) * self.n]), &estimate)
+            let next = weighted(&self.system.A[i * self.n..(i + 1) * self.n], &estimate)
                 + past[now].input[i]
                 + value[i]
-                + dot(&points(&self.gain.L[i * self.p..(i + 1) * self.p]), &innovation);
+                + weighted(&self.gain.L[i * self.p..(i + 1) * self.p], &innovation);
             if self.method == Method::Tight {
                 // x(k+1) about x̂ along row i of A + [J], with the zonotope's correlations
                 let row = i * self.n..(i + 1) * self.n;
@@ -476,7 +476,7 @@ impl<D: Dynamics> IntervalObserver<D> {
                     .fold(Interval::ZERO, |sum, ((s, &m), (x, &c))| {
                         sum + (*s - Interval::point(m)) * (*x - Interval::point(c))
                     });
-                let free = dot(&points(&self.system.A[row]), &estimate) + past[now].input[i] + value[i];
+                let free = weighted(&self.system.A[row], &estimate) + past[now].input[i] + value[i];
                 let known = free + self.along(&middle, &past[now], i)? + spread + self.disturbance[i];
                 ahead[i] = ahead[i].intersect(known).ok_or_else(|| self.violation(i, [ahead[i], known].into_iter()))?;
             }
@@ -515,8 +515,10 @@ impl<D: Dynamics> IntervalObserver<D> {
             })?);
         }
 
-        if past.len() > BACK {
-            past.remove(0);
+        match self.method {
+            Method::Paper => past.clear(),
+            Method::Tight if past.len() > BACK => drop(past.remove(0)),
+            Method::Tight => {}
         }
         self.past = past;
         self.step += 1;
@@ -545,7 +547,7 @@ impl<D: Dynamics> IntervalObserver<D> {
         let estimate = points(&self.center);
         let mut known = Interval::ENTIRE;
         for (row, output) in self.system.C.chunks_exact(self.n).zip(&past.output) {
-            let strip = *output - dot(&points(row), &estimate);
+            let strip = *output - weighted(row, &estimate);
             let found = strip_range(&self.generators, d, row, strip);
             let sets = [known, found.unwrap_or(known)];
             known = found
@@ -732,7 +734,7 @@ impl<D: Dynamics> IntervalObserver<D> {
         self.dynamics.value(&c, &mut offset)?;
         for (i, value) in offset.iter_mut().enumerate() {
             *value = *value
-                + dot(&points(&self.system.A[i * self.n..(i + 1) * self.n]), &points(&c))
+                + weighted(&self.system.A[i * self.n..(i + 1) * self.n], &points(&c))
                 + past.input[i]
                 + self.disturbance[i];
         }
@@ -882,10 +884,8 @@ pub struct Uncertain {
 impl Uncertain {
     /// Bound on |Δ_i (x; 1)| over a box.
     fn radius(&self, row: &[f64], x: &[Interval]) -> f64 {
-        let sum: f64 = row
-            .chunks_exact(self.n + 1)
-            .map(|g| (dot(&points(&g[..self.n]), x) + Interval::point(g[self.n])).mag())
-            .sum();
+        let sum: f64 =
+            row.chunks_exact(self.n + 1).map(|g| (weighted(&g[..self.n], x) + Interval::point(g[self.n])).mag()).sum();
         sum * inflation(row.len())
     }
 }
