@@ -1,7 +1,7 @@
 # Needs Python >= 3.10 and Rust, nothing else; PYTHON=python3.12 names the interpreter of a new .venv.
 .DEFAULT_GOAL := help
 .NOTPARALLEL:
-.PHONY: help setup packages demo test lint bench wheel test-wheel study-defaults study-certificates study-tuning study-sensitivity study-reproduction clean
+.PHONY: help setup packages demo test lint bench wheel test-wheel study-defaults study-certificates study-tuning study-sensitivity study-reproduction study-intervals clean
 
 PY := .venv/bin/python
 # The build belongs to .venv, whatever environment the shell is in.
@@ -64,10 +64,13 @@ study-tuning: setup ## tuned settings against the best in hindsight
 study-sensitivity: setup ## errors over mu, rho, M, rank and noise on the 3-DOF case
 	$(PY) studies/sensitivity.py
 
+study-intervals: setup ## interval observer: 100 000 trajectories, widths, time
+	$(PY) studies/intervals.py
+
 study-reproduction: setup ## every experiment of both papers; docs/claims.md
 	$(PY) -m ddmhe reproduce all --out ddmhe-reproduce
 	cp ddmhe-reproduce/claims.md docs/claims.md
 
 clean: ## removes everything that was made
-	rm -rf .venv target dist ddmhe-demo ddmhe-design ddmhe-tune ddmhe-reproduce python/ddmhe/_core*.so .mypy_cache .pytest_cache .ruff_cache
+	rm -rf .venv target dist ddmhe-demo ddmhe-design ddmhe-tune ddmhe-reproduce ddmhe-interval python/ddmhe/_core*.so .mypy_cache .pytest_cache .ruff_cache
 	find python tests -name __pycache__ -prune -exec rm -rf {} +

@@ -244,16 +244,18 @@ def test_with_the_printed_start_the_peak_to_peak_bound_is_left():
 
 
 class NumpyObserver:
-    """(45)-(50) written down once more with NumPy, for any pendulum gain; `broken` leaves a part of it out."""
+    """(45)-(50) written down once more with NumPy; `broken` leaves a part of it out, `design` adds (44) and (59)."""
 
-    def __init__(self, system, gain, order, broken=None):
-        self.s, self.L, self.q, self.broken = system, gain, order, broken
+    def __init__(self, system, gain, order, broken=None, design=None):
+        self.s, self.L, self.q, self.broken, self.design = system, gain, order, broken, design
 
     def run(self, Y):
         s, scale = self.s, lambda part, M: 0.99 * M if self.broken == part else M
         x, M = START.copy(), scale("start", np.diag(RADIUS))
-        halves, centers = [], []
-        for y in Y:
+        halves, centers, balls = [], [], []
+        if g := self.design:
+            V0 = max(e @ g.P @ e for e in (RADIUS, RADIUS * [1, -1]))
+        for k, y in enumerate(Y):
             r = np.abs(M).sum(axis=1)
             J_lo, J_hi = (np.asarray(J) for J in s.jacobian(x - r, x + r))
             middle, radius = 0.5 * (J_lo + J_hi), 0.5 * (J_hi - J_lo)
@@ -269,6 +271,12 @@ class NumpyObserver:
             x = s.A @ x + s.f(x) + self.L @ (y - s.C @ x)
             centers.append(x)
             halves.append(np.abs(M).sum(axis=1))
+            if g:
+                fade = (1 - g.lam) ** (k + 1)
+                phi = np.sqrt(g.mu * (g.lam * fade * V0 + g.mu_w * 2 * W**2 + g.mu_v * V**2))
+                balls.append([np.maximum(x - halves[-1], x - phi), np.minimum(x + halves[-1], x + phi)])
+        if g:
+            return np.array(balls).transpose(1, 0, 2)
         centers, halves = np.array(centers), np.array(halves)
         return centers - halves, centers + halves
 
@@ -330,12 +338,15 @@ def test_the_adversary_catches_a_broken_observer(broken):
 def test_paper_method_agrees_with_numpy():
     s = interval.pendulum()
     g = interval.design_observer(s, 0.5, lmi="paper")
-    reference = NumpyObserver(s, g.gain, 20)
+    reference, both = NumpyObserver(s, g.gain, 20), NumpyObserver(s, g.gain, 20, design=g)
     rng = np.random.default_rng(3)
     for k in range(20):
         _, y = trajectory(rng, 60, KINDS[k % 4])
         lower, upper = reference.run(y)
         o = interval.IntervalObserver(s, g, START, RADIUS, W, V, method="paper")
+        log = o.run(y)
+        np.testing.assert_allclose([log.lower, log.upper], both.run(y), rtol=0, atol=1e-9)
+        o.reset()
         for k, sample in enumerate(y):
             lo, hi = o.step(sample).zonotope.interval_hull()
             np.testing.assert_allclose(lo, lower[k], rtol=0, atol=1e-11)

@@ -444,8 +444,8 @@ impl<D: Dynamics> IntervalObserver<D> {
         let innovation: Vec<Interval> = (0..self.p)
             .map(|j| match measured[j] {
                 true => {
-                    let row = points(&self.system.C[j * self.n..(j + 1) * self.n]);
-                    Interval::point(y[j]) - Interval::point(self.system.r[j]) - dot(&row, &estimate)
+                    let row = &self.system.C[j * self.n..(j + 1) * self.n];
+                    Interval::point(y[j]) - Interval::point(self.system.r[j]) - weighted(row, &estimate)
                 }
                 false => Interval::ZERO,
             })
@@ -562,8 +562,9 @@ impl<D: Dynamics> IntervalObserver<D> {
         let (n, M) = (self.n, &self.generators);
         let sums = row_sums(n, M);
         let all = measured.iter().all(|m| *m);
-        let mut error_map = self.error_map.clone();
+        let mut error_map = std::borrow::Cow::from(&self.error_map);
         if !all {
+            let error_map = error_map.to_mut();
             // without output j, A - L C loses column j of L
             for i in 0..n {
                 for l in 0..n {
@@ -574,13 +575,17 @@ impl<D: Dynamics> IntervalObserver<D> {
                 }
             }
         }
-        let parts: Vec<Vec<Interval>> = match self.method {
-            Method::Paper => vec![error_map, J.to_vec()],
-            Method::Tight => vec![error_map.iter().zip(J).map(|(a, j)| *a + *j).collect()],
+        let closed: Vec<Interval>;
+        let parts: &[&[Interval]] = match self.method {
+            Method::Paper => &[&error_map, J],
+            Method::Tight => {
+                closed = error_map.iter().zip(J).map(|(a, j)| *a + *j).collect();
+                &[&closed]
+            }
         };
         let mut columns = Vec::with_capacity(2 * M.len() + self.noise.len() + n * n);
         let mut D_s = rest.to_vec();
-        for part in &parts {
+        for part in parts {
             let mid: Vec<f64> = part.iter().map(|a| a.mid()).collect();
             for g in M.chunks_exact(n) {
                 for i in 0..n {
@@ -698,6 +703,9 @@ impl<D: Dynamics> IntervalObserver<D> {
     /// x within what the outputs say about C x.
     fn contract_output(&self, past: &mut Past) -> Result<(), Error> {
         for j in 0..self.p {
+            if past.output[j] == Interval::ENTIRE {
+                continue;
+            }
             let row = points(&self.system.C[j * self.n..(j + 1) * self.n]);
             let x = past.x.clone();
             self.contract_row(&row, past.output[j], &x, &mut past.x)?;
@@ -743,9 +751,6 @@ impl<D: Dynamics> IntervalObserver<D> {
 
     /// Narrows x to what row·x = sum leaves of it, entry by entry.
     fn contract_row(&self, row: &[Interval], sum: Interval, x: &[Interval], out: &mut [Interval]) -> Result<(), Error> {
-        if sum == Interval::ENTIRE {
-            return Ok(());
-        }
         for (j, a) in row.iter().enumerate() {
             if a.contains(0.0) {
                 continue;

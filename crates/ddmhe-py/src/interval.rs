@@ -450,15 +450,10 @@ impl ObserverCore {
             return Err(ShapeError::new_err(format!("U: expected ({rows}, {inputs}), found another shape")));
         }
         let U = U.map(|(data, ..)| data).unwrap_or_default();
-        let mut log = IntervalLog {
-            n,
-            lower: Vec::with_capacity(rows * n),
-            upper: Vec::with_capacity(rows * n),
-            center: Vec::with_capacity(rows * n),
-            filtered: Default::default(),
-            ball: Default::default(),
-            ellipsoid: Default::default(),
-        };
+        let side = || Vec::with_capacity(rows * n);
+        let pair = || [side(), side()];
+        let (lower, upper, center) = (side(), side(), side());
+        let mut log = IntervalLog { n, lower, upper, center, filtered: pair(), ball: pair(), ellipsoid: pair() };
         let core = &mut self.0;
         py.detach(|| {
             for k in 0..rows {
