@@ -23,8 +23,8 @@ HISTORY_NOISE = 1e-4  # rad/s
 
 HORIZONS = (4, 6, 10, 14, 20, 30)
 RHOS = (0.5, 0.65, 0.8, 0.9, 0.95, 0.99)
-MUS = (1e-6, 1e-4, 1e-2, 1.0, 1e2, 1e5)
-RANKS = (3, 4, 5, 6, 9, 12, 20)
+MUS = (1e-8, 1e-7, 1e-6, 1e-5, 1e-4, 1e-2, 1e5)
+RANKS = (2, 3, 4, 6, 9, 12, 20, 40)
 NOISES = (1e-4, 1e-3, 1e-2, 5e-2)  # N m
 BASE = {"horizon": 10, "rho": 0.8, "mu": 1e5, "rank": 3}
 
@@ -34,6 +34,7 @@ def errors(seed, noise, recorded, settings):
     record = ddmhe.models.detumbling().simulate(demo.DURATION, demo.DT, noise=noise, seed=seed)
     x, y = record.x[: demo.T + 1], record.y[: demo.T]
     x = x + recorded * np.random.default_rng(10_000 + seed).standard_normal(x.shape)
+    y = y if recorded > 0 else ddmhe.models.detumbling().output(x[:-1])
     history = ddmhe.History(x, y, dt=demo.DT)
     found = []
     for given in settings:
@@ -95,7 +96,7 @@ def main():
             values = medians(progress, name, 0.01, HISTORY_NOISE, grid).reshape(shape)
             draw(name, rows, columns, values)
             lines += [f"## {name}", "", f"![{name}](sensitivity-{name}.png)", "", *table(rows, columns, values), ""]
-        for title, recorded in (("noise-rank", HISTORY_NOISE), ("noise-rank, recorded rate without noise", 0.0)):
+        for title, recorded in (("noise-rank", HISTORY_NOISE), ("noise-rank, recording without noise", 0.0)):
             grid = [{"rank": rank} for rank in RANKS]
             values = np.stack([medians(progress, title, noise, recorded, grid) for noise in NOISES], axis=1)
             name = title.replace(", ", "-").replace(" ", "-")

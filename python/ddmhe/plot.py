@@ -291,16 +291,16 @@ def sweep_figure(
 def heat_figure(
     panels: Sequence[tuple[str, Array]], rows: tuple[str, Sequence[str]], columns: tuple[str, Sequence[str]], unit: str
 ) -> Figure:
-    """Errors over two settings, a panel per (title, values (R, C)); one logarithmic colour scale, numbers in the cells.
+    """Errors over two settings, a panel per (title, values (R, C)); logarithmic colours, numbers in the cells.
 
     `rows` and `columns` are (label with unit, names of the values); infinite errors are left white.
     """
     figure = Figure(figsize=(1.5 + 4.6 * len(panels), 4.4), layout="constrained")
-    finite = np.concatenate([values[np.isfinite(values)].ravel() for _, values in panels])
-    norm = LogNorm(finite.min(), min(finite.max(), 1e3 * finite.min()))
     for k, (axes, (title, values)) in enumerate(
         zip(figure.subplots(1, len(panels), squeeze=False)[0], panels, strict=True)
     ):
+        finite = values[np.isfinite(values)]
+        norm = LogNorm(finite.min(), min(finite.max(), 100 * finite.min()))
         image = axes.imshow(np.where(np.isfinite(values), values, np.nan), norm=norm, cmap="viridis", aspect="auto")
         for (i, j), value in np.ndenumerate(values):
             text = f"{value:.2g}" if np.isfinite(value) and value < 1e4 else "large"
@@ -309,9 +309,9 @@ def heat_figure(
         axes.set_xticks(range(len(columns[1])), columns[1], fontsize=8)
         axes.set_yticks(range(len(rows[1])), rows[1], fontsize=8)
         axes.set(title=title, xlabel=columns[0])
+        figure.colorbar(image, ax=axes, label=unit)
         if k == 0:
             axes.set_ylabel(rows[0])
-    figure.colorbar(image, ax=figure.axes, label=unit)
     return figure
 
 
