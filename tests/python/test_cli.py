@@ -317,3 +317,47 @@ def test_tune_writes_settings_that_estimate_takes(log, tmp_path):
     estimated = ddmhe_run("estimate", log, *COLUMNS, "--history", 20, "--config", tmp_path / "tune.toml")
     assert (estimated.returncode, estimated.stderr) == (0, "")
     assert printed(estimated, "horizon M") == pd.read_csv(tmp_path / "tune.csv")["horizon"][0]
+
+
+def test_interval_of_the_pendulum(tmp_path):
+    result = ddmhe_run("interval", "pendulum", "--out", tmp_path)
+    assert (result.returncode, result.stderr) == (0, "")
+    assert "1.5029, 7.7372" in result.stdout
+    assert "15.753, 15.753" in result.stdout
+    row = re.search(r"tight, PCA\s+│ ([\d.]+)\s+│ ([\d.]+)\s+│ (\d+)", result.stdout).groups()
+    assert float(row[0]) < 0.024
+    assert float(row[1]) < 0.16
+    assert row[2] == "0"
+    assert (tmp_path / "pendulum.png").read_bytes().startswith(PNG)
+
+
+def test_interval_of_a_log(tmp_path):
+    """A linear system with bounded noise: the log's states stay inside, and the files hold the bounds."""
+    rng = np.random.default_rng(0)
+    x, y = [np.array([2.0, -1.0])], []
+    for _ in range(200):
+        y.append(x[-1] @ [1.0, 0.5] + 0.3 + 0.02 * rng.uniform(-1, 1))
+        x.append(np.array([[0.95, 0.2], [-0.15, 0.9]]) @ x[-1] + 0.01 * rng.uniform(-1, 1, 2))
+    log = tmp_path / "log.csv"
+    frame = pd.DataFrame({"t": 0.1 * np.arange(200), "a": np.array(x)[:-1, 0], "b": np.array(x)[:-1, 1], "y": y})
+    frame.to_csv(log, index=False)
+    options = ["--state", "a,b", "--output", "y", "--history", 6]
+    result = ddmhe_run("interval", log, *options, "--w-radius", 0.01, "--v-radius", 0.02, "--out", tmp_path)
+    assert (result.returncode, result.stderr) == (0, "")
+    assert "Guaranteed for every system" in result.stdout
+    assert printed(result, "samples of the log outside") == 0
+    written = pd.read_csv(tmp_path / "interval.csv")
+    truth = frame.set_index("t").loc[written["t"]]
+    for name in ("a", "b"):
+        assert (truth[name].to_numpy() >= written[f"{name} lower"]).all()
+        assert (truth[name].to_numpy() <= written[f"{name} upper"]).all()
+    assert (written["b upper"] - written["b lower"]).iloc[50:].mean() < 0.5
+    assert (tmp_path / "interval.png").read_bytes().startswith(PNG)
+    for changed, words in (
+        (["--w-radius", 1e-4, "--v-radius", 0.02], "w_radius: expected a bound that an affine system satisfies"),
+        (["--w-radius", 0.01], "--v-radius: expected with a log"),
+    ):
+        result = ddmhe_run("interval", log, *options, *changed, "--out", tmp_path)
+        assert result.returncode == 2
+        assert words in result.stderr
+        assert len(result.stderr.strip().splitlines()) == 1

@@ -148,3 +148,18 @@ def test_measured_logs(tmp_path):
     expected = np.sqrt(np.mean((x_hat[seen] - truth) ** 2) / np.mean((truth - truth.mean(0)) ** 2))
     assert scores["Dd-MHE, defaults"].iloc[0] == pytest.approx(expected, rel=1e-9)
     assert "| geometric mean |" in (tmp_path / "out" / "real.md").read_text(encoding="utf-8")
+
+
+def test_the_interval_paper_has_its_verdicts(tmp_path):
+    done = run("pendulum", "--out", tmp_path)
+    assert done.returncode == 0, done.stderr
+    names = {path.name for path in tmp_path.iterdir()}
+    figures = {f"pendulum{kind}.{end}" for kind in ("", "-widths") for end in ("png", "svg", "csv")}
+    assert names == figures | {"claims.md"}
+    lines = (tmp_path / "claims.md").read_text(encoding="utf-8").splitlines()
+    verdicts = {line.split("|")[2].strip(): line.split("|")[5].strip() for line in lines if "| Interval paper" in line}
+    assert verdicts["The design (42) gives this gain"] == "**holds**"
+    assert verdicts["The initial bound holds for every start in the box"] == "**does not hold**"
+    assert verdicts["The bounded error converges faster on x2"] == "**does not hold**"
+    assert verdicts["The state stays within its bounds"] == "**holds**"
+    assert len(verdicts) == 9
