@@ -19,7 +19,7 @@ pub struct Estimate {
     pub status: Status,
     /// Number of bounds that the window touches.
     pub active: usize,
-    /// Solver iterations; 0 when the closed form satisfied every bound and no solver ran.
+    /// Changes of the active set (or iterations of the interior-point solver, where that decided); 0: closed form.
     pub iterations: u32,
 }
 
@@ -36,6 +36,6 @@ pub struct Log {
     pub status: Vec<Status>,
     /// Number of touched bounds of each step.
     pub active: Vec<usize>,
-    /// Solver iterations of each step.
+    /// `Estimate::iterations` of each step.
     pub iterations: Vec<u32>,
 }

@@ -46,6 +46,7 @@
 //!
 //! `Err` means that an input was wrong; what the optimisation found is [`Estimate::status`].
 
+mod active_set;
 mod certificate;
 mod config;
 pub mod defaults;

@@ -1,4 +1,5 @@
-//! The small dense quadratic programme, the only file that names Clarabel.
+//! The small dense quadratic programme, the only file that names Clarabel: the way out where the dual active-set method of
+//! `active_set` is not certain, and the reference that it is tested against.
 //!
 //! The estimator hands over a least-distance problem: with t the deviation from the unconstrained minimiser, in
 //! coordinates where the cost's Hessian is the identity,
@@ -8,6 +9,7 @@
 //! Only the right-hand side changes from step to step, so the solver is set up once for each pattern of
 //! bounds and then updated in place (`update_b`).
 
+use crate::active_set::{self, Outcome};
 use crate::tol;
 use clarabel::algebra::CscMatrix;
 use clarabel::solver::{
@@ -74,6 +76,7 @@ pub(crate) struct Solution {
 /// The least-distance problem of one window length, with the solver kept between steps.
 pub(crate) struct LeastDistance {
     A: Mat<f64>, // rows × r
+    norms: Vec<f64>,
     prepared: Option<Prepared>,
 }
 
@@ -92,7 +95,7 @@ struct Prepared {
 
 impl LeastDistance {
     pub fn new(A: Mat<f64>) -> Self {
-        LeastDistance { A, prepared: None }
+        LeastDistance { norms: active_set::norms(&A), A, prepared: None }
     }
 
     /// A (rows × r).
@@ -102,6 +105,17 @@ impl LeastDistance {
 
     /// Solves for the given bounds; infinite entries are no bounds.
     pub fn solve(&mut self, lo: &[f64], hi: &[f64]) -> Solution {
+        match active_set::solve(self.A.as_ref(), &self.norms, lo, hi) {
+            Some(Outcome::Optimal(t, iterations)) => Solution { t, status: Status::Optimal, iterations },
+            Some(Outcome::Infeasible(iterations)) => {
+                Solution { t: vec![0.0; self.A.ncols()], status: Status::Infeasible, iterations }
+            }
+            None => self.interior_point(lo, hi),
+        }
+    }
+
+    /// Clarabel: the reference, and the way out where the active-set method is not certain.
+    fn interior_point(&mut self, lo: &[f64], hi: &[f64]) -> Solution {
         let pattern: Vec<Row> = lo.iter().zip(hi).map(|(&l, &h)| Row::of(l, h)).collect();
         if self.prepared.as_ref().is_none_or(|q| q.pattern != pattern) {
             self.prepared = prepare(self.A.as_ref(), pattern);
@@ -225,10 +239,11 @@ fn on_active_set(A: MatRef<'_, f64>, sides: &[Side], b: &[f64], z: &[f64], s: &[
             active.push(worst.0);
             continue;
         }
-        let largest = nu.iter().fold(0.0_f64, |m, v| m.max(v.abs()));
+        let size = t.iter().map(|v| v * v).sum::<f64>().sqrt().max(1.0);
         let free = (0..active.len()).filter(|&a| !sides[active[a]].fixed);
-        match free.min_by(|&a, &b| nu[a].total_cmp(&nu[b])) {
-            Some(a) if nu[a] < -tol::ACTIVE_SET * largest => active.remove(a),
+        let moved = |a: usize| nu[a] * (0..t.len()).map(|j| A[(sides[active[a]].row, j)].powi(2)).sum::<f64>().sqrt();
+        match free.min_by(|&a, &b| moved(a).total_cmp(&moved(b))) {
+            Some(a) if moved(a) < -tol::WRONG_SIGN * size => active.remove(a),
             _ => return Some(t),
         };
     }
@@ -258,6 +273,8 @@ fn least_norm_point(A: MatRef<'_, f64>, sides: &[Side], b: &[f64], active: &[usi
 #[cfg(test)]
 mod tests {
     use super::*;
+    use rand::{RngExt, SeedableRng};
+    use rand_chacha::ChaCha8Rng;
 
     const INF: f64 = f64::INFINITY;
 
@@ -305,5 +322,78 @@ mod tests {
             assert_eq!(a.status, b.status);
             assert!(close(&a.t, [b.t[0], b.t[1]]));
         }
+    }
+
+    /// Random windows with redundant, equal, opposite and nearly parallel rows, bounds that touch, and contradictions.
+    /// The last number is the closest that two rows come to being parallel without being so: rounding of the data moves the
+    /// answer by its inverse.
+    fn random_problem(rng: &mut ChaCha8Rng) -> (Mat<f64>, Vec<f64>, Vec<f64>, f64) {
+        let mut closest = 1.0_f64;
+        let (rows, r) = (rng.random_range(1..40), rng.random_range(1..12));
+        let mut A = Mat::from_fn(rows, r, |_, _| rng.random_range(-1.0..1.0_f64));
+        let inside: Vec<f64> = (0..r).map(|_| rng.random_range(-2.0..2.0)).collect();
+        for i in 1..rows {
+            let other = rng.random_range(0..i);
+            let (scale, off): (f64, f64) = match rng.random_range(0..16) {
+                0 => (1.0, 0.0),
+                1 => (-2.0, 0.0),
+                2 if rng.random_bool(0.2) => (1.0, 1e-8),
+                2 => (1.0, 1e-4),
+                3 => (0.0, 0.0),
+                _ => continue,
+            };
+            closest = closest.min(if off > 0.0 { off } else { 1.0 });
+            (0..r).for_each(|j| A[(i, j)] = scale * A[(other, j)] + off * rng.random_range(-1.0..1.0));
+        }
+        let (mut lo, mut hi) = (vec![-INF; rows], vec![INF; rows]);
+        let contradiction = rng.random_bool(0.1);
+        for i in 0..rows {
+            let w: f64 = (0..r).map(|j| A[(i, j)] * inside[j]).sum();
+            let shift = if contradiction && rng.random_bool(0.2) { 1.5 } else { 0.0 };
+            match rng.random_range(0..6) {
+                0 => (lo[i], hi[i]) = (w + shift, w + shift), // touch
+                1 => lo[i] = w + shift - rng.random_range(0.0..0.3),
+                2 => hi[i] = w - shift + rng.random_range(0.0..0.3),
+                3 => {}
+                _ => (lo[i], hi[i]) = (w + shift - rng.random_range(0.0..0.5), w + shift + rng.random_range(0.0..0.5)),
+            }
+        }
+        (A, lo, hi, closest)
+    }
+
+    #[test]
+    fn the_active_set_method_gives_the_interior_point_s_answer() {
+        let mut rng = ChaCha8Rng::seed_from_u64(0);
+        let (mut optimal, mut infeasible, mut left) = (0, 0, 0);
+        for k in 0..20_000 {
+            let (A, lo, hi, closest) = random_problem(&mut rng);
+            let mut problem = LeastDistance::new(A.clone());
+            let reference = problem.interior_point(&lo, &hi);
+            match active_set::solve(A.as_ref(), &problem.norms, &lo, &hi) {
+                Some(Outcome::Optimal(t, _)) => {
+                    // one that the reference calls infeasible may only be so by its tolerance
+                    assert_ne!(reference.status, Status::Infeasible, "{k}");
+                    if reference.status == Status::Optimal {
+                        let excess = |i: usize| {
+                            let w: f64 = (0..t.len()).map(|j| A[(i, j)] * t[j]).sum();
+                            (lo[i] - w).max(w - hi[i])
+                        };
+                        assert!((0..A.nrows()).all(|i| excess(i) < 1e-9), "{k}");
+                        let size = t.iter().fold(1.0_f64, |m, v| m.max(v.abs()));
+                        let off = t.iter().zip(&reference.t).fold(0.0_f64, |m, (a, b)| m.max((a - b).abs()));
+                        assert!(closest < 1e-6 || off <= 1e-9 * size, "{k}: {off:e}");
+                    }
+                    optimal += 1;
+                }
+                Some(Outcome::Infeasible(_)) => {
+                    // "almost optimal" is what the reference calls points that miss such bounds by 1 and more
+                    assert_ne!(reference.status, Status::Optimal, "{k}");
+                    infeasible += 1;
+                }
+                None => left += 1,
+            }
+        }
+        // it must do nearly all of the work, and see contradictions
+        assert!(optimal > 15_000 && infeasible > 500 && left < 1000, "{optimal} {infeasible} {left}");
     }
 }

@@ -37,3 +37,21 @@ pub const SYMMETRIC: f64 = 1e-9;
 /// A point counts as inside a zonotope when it is inside the one larger by this factor: the linear programme behind
 /// the answer is solved to about 1e-11.
 pub const MEMBER: f64 = 1e-9;
+
+/// The dual active-set method takes in a row that is violated by more than this, in standard deviations: below what the
+/// final check asks for, [`ACTIVE_SET`], and above rounding.
+pub const VIOLATED: f64 = 1e-11;
+
+/// The part of a row's normal that the active ones do not span, relative to it: below the first it counts as dependent,
+/// between the two nothing is certain and the interior-point solver decides.
+pub const DEPENDENT: (f64, f64) = (1e-10, 1e-6);
+
+/// Smallest change of a multiplier that can drive it to 0.
+pub const MULTIPLIER: f64 = 1e-12;
+
+/// Contradicting rows are reported as infeasible when they miss each other by this much, in standard deviations.
+pub const INFEASIBLE: f64 = 1e-7;
+
+/// An active row whose multiplier has the wrong sign is let pass if dropping it would move t by less than this, relative to
+/// t. (Multipliers themselves say nothing: those of two nearly parallel rows are as large as the rows are close.)
+pub const WRONG_SIGN: f64 = 1e-11;
