@@ -524,10 +524,12 @@ impl<D: Dynamics> IntervalObserver<D> {
         self.step += 1;
         self.level = level;
         self.fade = fade;
-        self.center.clone_from(&center);
-        self.generators.clone_from(&generators);
         self.box_.clone_from(&predicted);
-        self.estimate = IntervalEstimate { predicted, filtered, ball, ellipsoid, center, generators };
+        self.estimate.center.clone_from(&center);
+        self.estimate.generators.clone_from(&generators);
+        (self.center, self.generators) = (center, generators);
+        (self.estimate.predicted, self.estimate.filtered) = (predicted, filtered);
+        (self.estimate.ball, self.estimate.ellipsoid) = (ball, ellipsoid);
         Ok(&self.estimate)
     }
 

@@ -282,15 +282,15 @@ pub(crate) fn reduce(n: usize, columns: &mut Vec<f64>, q: usize, method: Reducti
     if q > n {
         ranked.select_nth_unstable_by(q - n - 1, |a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
     }
-    let take = |part: &[(f64, usize)]| -> Vec<f64> {
-        part.iter().flat_map(|&(_, j)| columns[j * n..(j + 1) * n].iter().copied()).collect()
-    };
-    let (mut stay, go) = (take(&ranked[..q - n]), take(&ranked[q - n..]));
+    let mut sorted = Vec::with_capacity(columns.len());
+    ranked.iter().for_each(|&(_, j)| sorted.extend_from_slice(&columns[j * n..(j + 1) * n]));
+    let (stay, go) = sorted.split_at((q - n) * n);
+    columns.clear();
+    columns.extend_from_slice(stay);
     match method {
-        Reduction::Pca => stay.extend(oriented_box(n, &go)),
-        _ => stay.extend(diagonal(&row_sums(n, &go))),
+        Reduction::Pca => columns.extend(oriented_box(n, go)),
+        _ => columns.extend(diagonal(&row_sums(n, go))),
     }
-    *columns = stay;
 }
 
 /// Columns of V diag(s) that hold M Bᵐ, V the principal axes of M.
