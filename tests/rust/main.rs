@@ -1,6 +1,7 @@
 //! Tests of the public Rust interface, as an embedder uses it. One file a topic.
 #![allow(clippy::unwrap_used, clippy::panic)]
 
+mod allocation;
 mod certificate;
 mod inputs;
 mod intervals;

@@ -16,7 +16,7 @@ use crate::history::{History, check_finite};
 use crate::space::{Penalty, Scaling, Selection, Space, WindowStack};
 use crate::tol;
 use crate::weights::Weights;
-use crate::window::{Rows, WindowProblem};
+use crate::window::{Rows, Scratch, WindowProblem};
 
 /// The estimator.
 pub struct DdMhe {
@@ -33,6 +33,7 @@ pub struct DdMhe {
     states: Vec<f64>,  // x̂(t-M_t) … x̂(t), scaled
     t: usize,
     estimate: Estimate,
+    scratch: Scratch,
 }
 
 impl DdMhe {
@@ -97,6 +98,7 @@ impl DdMhe {
             states: Vec::new(),
             t: 0,
             estimate: Estimate::default(),
+            scratch: Scratch::default(),
         };
         mhe.warnings = mhe.warn();
         mhe.restart();
@@ -279,19 +281,24 @@ impl DdMhe {
         self.outputs.extend(y.iter().map(|v| v / self.scaling.s_y));
 
         // f = [x̄(t-M_t); y(t-M_t) … y(t-1)]
-        let f: Vec<f64> =
-            self.states[..n].iter().chain(&self.outputs).map(|&v| if v.is_nan() { 0.0 } else { v }).collect();
+        let mut scratch = std::mem::take(&mut self.scratch);
+        scratch.f.clear();
+        scratch.f.extend(self.states[..n].iter().chain(&self.outputs).map(|&v| if v.is_nan() { 0.0 } else { v }));
         let first = self.problems[0].rows.depth;
         let mut reduced = self.without_missing(depth)?;
         let problem = reduced.as_mut().unwrap_or(&mut self.problems[depth - first]);
         let box_x = x_bounds.or(self.config.x_bounds.as_ref());
-        let center = box_x.and_then(|_| problem.centre(&f[n..]));
-        let (lo, hi) =
-            problem.rows.limits(&self.scaling, box_x, center.as_deref(), self.config.v_bounds.as_ref(), &self.outputs);
-        let solution = problem.solve(&f, &lo, &hi);
+        let box_v = self.config.v_bounds.as_ref();
+        let bounded = box_x.is_some() || box_v.is_some();
+        if bounded {
+            let center = box_x.and_then(|_| problem.centre(&scratch.f[n..]));
+            let sides = (&mut scratch.lo, &mut scratch.hi);
+            problem.rows.limits(&self.scaling, (box_x, center.as_deref()), box_v, &self.outputs, sides);
+        }
+        let found = problem.solve(&mut scratch, bounded);
 
         let (s_x, s_y) = (self.scaling.s_x, self.scaling.s_y);
-        let (rows, w) = (problem.rows, &solution.window);
+        let (rows, w, f) = (problem.rows, &scratch.window, &scratch.f);
         let estimate = &mut self.estimate;
         estimate.window.clear();
         estimate.window.extend((0..=depth).flat_map(|k| rows.x(k)).map(|i| w[i] * s_x));
@@ -301,14 +308,14 @@ impl DdMhe {
         estimate.x.extend_from_slice(&estimate.window[depth * n..]);
         let v = (0..depth).flat_map(|k| rows.y(k)).zip(&self.outputs).map(|(i, y)| y - w[i]);
         estimate.cost = s_x * s_x * self.weights.cost(rows.x(0).map(|i| w[i]), &f[..n], v);
-        (estimate.status, estimate.active, estimate.iterations) =
-            (solution.status, solution.active, solution.iterations);
+        (estimate.status, estimate.active, estimate.iterations) = (found.status, found.active, found.iterations);
         estimate.bound = self.bound.as_mut().map(|bound| {
             let outputs: Vec<f64> = self.outputs.iter().map(|y| y * s_y).collect();
             let past: Vec<f64> = self.states.iter().map(|x| x * s_x).collect();
             bound.advance(&estimate.window, &outputs, &estimate.v, &past)
         });
         self.states.extend(rows.x(depth).map(|i| w[i]));
+        self.scratch = scratch;
         self.t += 1;
         Ok(&self.estimate)
     }

@@ -15,6 +15,7 @@ pub(crate) struct Weights {
     prior: Mat<f64>, // U with P = UᵀU: n × n
     noise: Mat<f64>, // U with R = UᵀU: p × p
     R: Mat<f64>,
+    plain: bool, // P = I, R = μI
 }
 
 impl Weights {
@@ -33,14 +34,14 @@ impl Weights {
     /// P = I, R = μI: (17) as printed.
     fn scalar(rho: f64, mu: f64, n: usize, p: usize) -> Self {
         let diagonal = |size: usize, value: f64| Mat::from_fn(size, size, |i, j| if i == j { value } else { 0.0 });
-        Weights { rho, prior: diagonal(n, 1.0), noise: diagonal(p, mu.sqrt()), R: diagonal(p, mu) }
+        Weights { rho, prior: diagonal(n, 1.0), noise: diagonal(p, mu.sqrt()), R: diagonal(p, mu), plain: true }
     }
 
     /// A certificate's P and R; `unit` is s_y² / s_x². None unless both are positive definite.
     fn certified(certificate: &Certificate, unit: f64, n: usize, p: usize) -> Option<Self> {
         let R = Mat::from_fn(p, p, |i, j| certificate.R[i * p + j] * unit);
         let noise = factor(&certificate.R, p)? * faer::Scale(unit.sqrt());
-        Some(Weights { rho: certificate.eta, prior: factor(&certificate.P, n)?, noise, R })
+        Some(Weights { rho: certificate.eta, prior: factor(&certificate.P, n)?, noise, R, plain: false })
     }
 
     /// μ, or what comes nearest: the mean weight of an output channel.
@@ -83,6 +84,21 @@ impl Weights {
     /// NaN where not measured).
     pub fn cost(&self, x_0: impl Iterator<Item = f64>, prior: &[f64], v: impl Iterator<Item = f64>) -> f64 {
         let p = self.R.nrows();
+        if self.plain {
+            // P = I, R = μI: what was not measured counts nothing
+            let moved: f64 = x_0.zip(prior).map(|(x, x_bar)| (x - x_bar).powi(2)).sum();
+            let (mut noise, mut sample, mut seen, mut discount) = (0.0, 0.0, 0, 2.0);
+            for value in v {
+                sample += if value.is_finite() { value * value } else { 0.0 };
+                seen += 1;
+                if seen == p {
+                    noise = self.rho * noise + sample;
+                    discount *= self.rho;
+                    (sample, seen) = (0.0, 0);
+                }
+            }
+            return discount * moved + self.R[(0, 0)] * noise;
+        }
         let moved: Vec<f64> = x_0.zip(prior).map(|(x, x_bar)| x - x_bar).collect();
         let mut sample = Vec::with_capacity(p);
         let (mut noise, mut depth) = (0.0, 0);

@@ -48,17 +48,17 @@ impl Rows {
     }
 
     /// Bounds on every row of the window, in scaled units, from boxes on the states (about `center`, if any) and on the noise of
-    /// the scaled `outputs`.
+    /// the scaled `outputs`; into lo and hi.
     pub fn limits(
         self,
         scaling: &Scaling,
-        x: Option<&Bounds>,
-        center: Option<&[f64]>,
+        (x, center): (Option<&Bounds>, Option<&[f64]>),
         v: Option<&Bounds>,
         outputs: &[f64],
-    ) -> (Vec<f64>, Vec<f64>) {
-        let mut lo = vec![f64::NEG_INFINITY; self.len()];
-        let mut hi = vec![f64::INFINITY; self.len()];
+        (lo, hi): (&mut Vec<f64>, &mut Vec<f64>),
+    ) {
+        refill(lo, self.len(), f64::NEG_INFINITY);
+        refill(hi, self.len(), f64::INFINITY);
         if let Some(bounds) = x {
             let len = bounds.lo.len();
             for (k, row) in (0..=self.depth).flat_map(|k| self.x(k)).enumerate() {
@@ -76,7 +76,6 @@ impl Rows {
                 hi[row] = y - bounds.lo[k % self.p] / scaling.s_y;
             }
         }
-        (lo, hi)
     }
 }
 
@@ -89,9 +88,18 @@ pub(crate) struct WindowProblem {
     least_distance: LeastDistance,
 }
 
-/// The answer of one window, in scaled units.
-pub(crate) struct WindowSolution {
-    pub window: Vec<f64>, // d
+/// Vectors that are kept from step to step, so that none is allocated.
+#[derive(Default)]
+pub(crate) struct Scratch {
+    pub f: Vec<f64>,      // prior and outputs
+    pub lo: Vec<f64>,     // d
+    pub hi: Vec<f64>,     // d
+    pub window: Vec<f64>, // d, the answer in scaled units
+    b: Vec<f64>,
+}
+
+/// How the answer of one window was found.
+pub(crate) struct Found {
     pub status: Status,
     pub active: usize,
     pub iterations: u32,
@@ -146,21 +154,20 @@ impl WindowProblem {
     }
 
     /// The whole window from coordinates b: c + B b.
-    fn reconstruct(&self, b: &[f64]) -> Vec<f64> {
-        let mut window = self.space.mean.clone();
+    fn reconstruct(&self, b: &[f64], window: &mut Vec<f64>) {
+        window.clone_from(&self.space.mean);
         for (j, &b_j) in b.iter().enumerate() {
-            axpy(b_j, self.space.basis.col_as_slice(j), &mut window);
+            axpy(b_j, self.space.basis.col_as_slice(j), window);
         }
-        window
     }
 
     /// The unconstrained minimiser's window for f = [x̄; y] in scaled units; unmeasured y may be anything finite.
-    pub fn unconstrained(&self, f: &[f64]) -> Vec<f64> {
-        let mut b = vec![0.0; self.space.rank()];
+    fn unconstrained(&self, f: &[f64], b: &mut Vec<f64>, window: &mut Vec<f64>) {
+        refill(b, self.space.rank(), 0.0);
         for (k, (row, value)) in self.rows.seen().zip(f).enumerate() {
-            axpy(value - self.space.mean[row], self.gain.col_as_slice(k), &mut b);
+            axpy(value - self.space.mean[row], self.gain.col_as_slice(k), b);
         }
-        self.reconstruct(&b)
+        self.reconstruct(b, window);
     }
 
     /// x_c(t): the window that the recording alone associates with these outputs (m·p, scaled). Only for a centred problem.
@@ -170,28 +177,44 @@ impl WindowProblem {
         for (k, (row, value)) in self.rows.seen().skip(self.rows.n).zip(y).enumerate() {
             axpy(value - self.space.mean[row], center.col_as_slice(k), &mut b);
         }
-        Some(self.reconstruct(&b))
+        let mut window = Vec::new();
+        self.reconstruct(&b, &mut window);
+        Some(window)
     }
 
-    /// The minimiser subject to lo ≤ window ≤ hi (d each, scaled, infinite where there is no bound).
-    pub fn solve(&mut self, f: &[f64], lo: &[f64], hi: &[f64]) -> WindowSolution {
-        let mut window = self.unconstrained(f);
+    /// The minimiser for `scratch.f` into `scratch.window`; if `bounded`, subject to lo ≤ window ≤ hi of the scratch (d each, scaled,
+    /// infinite where there is no bound).
+    pub fn solve(&mut self, scratch: &mut Scratch, bounded: bool) -> Found {
+        let Scratch { f, lo, hi, window, b } = scratch;
+        self.unconstrained(f, b, window);
+        if !bounded {
+            return Found { status: Status::Optimal, active: 0, iterations: 0 };
+        }
         let inside = |(&w, (&l, &h)): (&f64, (&f64, &f64))| w >= l - tol::FEASIBLE && w <= h + tol::FEASIBLE;
         let (mut status, mut iterations) = (Status::Optimal, 0);
-        if !window.iter().zip(lo.iter().zip(hi)).all(inside) {
-            let below: Vec<f64> = lo.iter().zip(&window).map(|(l, w)| l - w).collect();
-            let above: Vec<f64> = hi.iter().zip(&window).map(|(h, w)| h - w).collect();
+        if !window.iter().zip(lo.iter().zip(hi.iter())).all(inside) {
+            let below: Vec<f64> = lo.iter().zip(window.iter()).map(|(l, w)| l - w).collect();
+            let above: Vec<f64> = hi.iter().zip(window.iter()).map(|(h, w)| h - w).collect();
             let solution = self.least_distance.solve(&below, &above);
             (status, iterations) = (solution.status, solution.iterations);
             for (j, &t_j) in solution.t.iter().enumerate() {
-                axpy(t_j, self.least_distance.matrix().col_as_slice(j), &mut window);
+                axpy(t_j, self.least_distance.matrix().col_as_slice(j), window);
             }
         }
         let touches = |w: f64, bound: f64| (w - bound).abs() <= tol::ACTIVE_SET;
-        let active =
-            window.iter().zip(lo.iter().zip(hi)).filter(|&(&w, (&l, &h))| touches(w, l) || touches(w, h)).count();
-        WindowSolution { window, status, active, iterations }
+        let active = window
+            .iter()
+            .zip(lo.iter().zip(hi.iter()))
+            .filter(|&(&w, (&l, &h))| touches(w, l) || touches(w, h))
+            .count();
+        Found { status, active, iterations }
     }
+}
+
+/// `len` times the value, in the memory that is there.
+fn refill(x: &mut Vec<f64>, len: usize, value: f64) {
+    x.clear();
+    x.resize(len, value);
 }
 
 /// y += a x.
