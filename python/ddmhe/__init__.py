@@ -35,6 +35,7 @@ from ddmhe._core import (
     ShapeError,
     Truncated,
     Zonotope,
+    run_many,
 )
 
 if TYPE_CHECKING:
@@ -78,5 +79,6 @@ __all__ = [
     "design",
     "interval",
     "models",
+    "run_many",
     "tune",
 ]

@@ -257,3 +257,27 @@ def test_default_rule_does_not_depend_on_units_or_offsets():
     assert (a.horizon, a.rank) == (b.horizon, b.rank)
     assert a.ridge == pytest.approx(b.ridge)
     assert np.allclose(180 / np.pi * a.run(y[60:]).x + 7, b.run(1e-3 * y[60:] - 4).x, atol=1e-6)
+
+
+def test_many_runs_are_the_single_ones():
+    """Other horizons, bounds that bind, lost samples: every log as if it had been run alone."""
+    model = ddmhe.models.detumbling()
+    settings = [{"horizon": 5 + k % 7, "v_bounds": (-0.02, 0.02) if k % 2 else None} for k in range(12)]
+    records = [model.simulate(30.0, 0.1, noise=0.01, seed=k) for k in range(12)]
+    histories = [ddmhe.History(r.x[:151], r.y[:150], dt=0.1) for r in records]
+    outputs = [r.y[150 : 250 + 3 * k] for k, r in enumerate(records)]
+    outputs[3][40, 1] = np.nan
+    single = [ddmhe.DdMhe(h, **s).run(Y) for h, s, Y in zip(histories, settings, outputs, strict=True)]
+    estimators = [ddmhe.DdMhe(h, **s) for h, s in zip(histories, settings, strict=True)]
+    many = ddmhe.run_many(estimators, outputs)
+    for a, b in zip(single, many, strict=True):
+        np.testing.assert_array_equal(a.x, b.x)
+        np.testing.assert_array_equal(a.status, b.status)
+    with pytest.raises(ddmhe.ShapeError, match="logs: expected 12"):
+        ddmhe.run_many(estimators, outputs[:3])
+    with pytest.raises(ddmhe.DdmheError, match="only once"):
+        ddmhe.run_many([estimators[0], estimators[0]], outputs[:2])
+    with pytest.raises(ddmhe.ShapeError, match="3 columns in number 1"):
+        ddmhe.run_many(estimators[:2], [outputs[0], outputs[1][:, :2]])
+    with pytest.raises(ddmhe.DdmheError, match="estimators"):
+        ddmhe.run_many([1.0], outputs[:1])

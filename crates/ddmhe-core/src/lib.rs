@@ -73,7 +73,7 @@ pub use estimate::{Estimate, Log};
 pub use hankel::{BlockHankel, RankReport};
 pub use history::History;
 pub use interval::Interval;
-pub use mhe::DdMhe;
+pub use mhe::{DdMhe, run_many};
 pub use observer::{IntervalEstimate, IntervalObserver};
 pub use qp::Status;
 pub use space::{Scaling, Space, TrajectorySpace};

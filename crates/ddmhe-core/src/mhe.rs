@@ -17,6 +17,7 @@ use crate::space::{Penalty, Scaling, Selection, Space, WindowStack};
 use crate::tol;
 use crate::weights::Weights;
 use crate::window::{Rows, Scratch, WindowProblem};
+use rayon::prelude::*;
 
 /// The estimator.
 pub struct DdMhe {
@@ -347,6 +348,19 @@ impl DdMhe {
         }
         warnings
     }
+}
+
+/// [`DdMhe::run`] of many estimators over as many logs, on all cores (rayon): the same numbers, in the same order.
+///
+/// # Errors
+/// The first log's error, in order; as for [`DdMhe::run`] its estimator is then unchanged, the others have run.
+pub fn run_many(estimators: &mut [&mut DdMhe], logs: &[&[f64]]) -> Result<Vec<Log>, Error> {
+    if estimators.len() != logs.len() {
+        return Err(Error::shape("logs", format!("{} logs, one per estimator", estimators.len()), logs.len()));
+    }
+    let found: Vec<Result<Log, Error>> =
+        estimators.par_iter_mut().zip(logs).map(|(estimator, log)| estimator.run(log)).collect();
+    found.into_iter().collect()
 }
 
 /// Outputs that are in the window before the first step: a warm start takes them from the last recording.

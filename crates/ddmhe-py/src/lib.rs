@@ -22,7 +22,7 @@ mod _core {
     #[pymodule_export]
     use crate::interval::{Bounds, IntervalLog, ObserverCore, Zonotope, interval_operation};
     #[pymodule_export]
-    use crate::mhe::{DdMhe, Estimate, Log};
+    use crate::mhe::{DdMhe, Estimate, Log, run_many};
     #[pymodule_export]
     use crate::spaces::{Exact, Ridge, Truncated};
     #[pymodule_export]

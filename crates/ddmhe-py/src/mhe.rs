@@ -339,6 +339,54 @@ pub struct Log {
     iterations: Py<PyArray1<i64>>,
 }
 
+/// Run many estimators over as many logs on all cores, with the GIL released: the same numbers as estimator.run(Y) for each.
+///
+/// Parameters
+/// ----------
+/// estimators : list of DdMhe
+///     Each only once: a run moves its window on.
+/// logs : list of arrays (N_i, p_i)
+///
+/// Returns
+/// -------
+/// list of Log
+///
+/// Raises
+/// ------
+/// ShapeError, NotFiniteError, DdmheError
+///     As run, for the first log at fault; nothing has run if a shape is wrong.
+#[pyfunction]
+pub fn run_many(py: Python<'_>, estimators: Vec<Bound<'_, PyAny>>, logs: Vec<Bound<'_, PyAny>>) -> PyResult<Vec<Log>> {
+    if estimators.len() != logs.len() {
+        let (expected, found) = (estimators.len(), logs.len());
+        return Err(ShapeError::new_err(format!("logs: expected {expected}, one per estimator, found {found}")));
+    }
+    let mut borrowed = Vec::with_capacity(estimators.len());
+    for (k, item) in estimators.iter().enumerate() {
+        let estimator = item
+            .cast::<DdMhe>()
+            .map_err(|_| DdmheError::new_err(format!("estimators: expected DdMhe, found another type at {k}")))?;
+        borrowed.push(estimator.try_borrow_mut().map_err(|_| {
+            DdmheError::new_err(format!("estimators: expected each only once, found number {k} in use already"))
+        })?);
+    }
+    let mut data = Vec::with_capacity(logs.len());
+    for (k, (log, estimator)) in logs.iter().zip(&borrowed).enumerate() {
+        let (values, _, columns) = Numbers::matrix("logs", log, "(N, p)")?;
+        let p = estimator.core.p();
+        if columns != p {
+            return Err(ShapeError::new_err(format!("logs: expected {p} columns in number {k}, found {columns}")));
+        }
+        data.push(values);
+    }
+    let sizes: Vec<(usize, bool)> =
+        borrowed.iter().map(|e| (e.core.n(), e.core.config().disturbance.is_some())).collect();
+    let mut cores: Vec<&mut ddmhe_core::DdMhe> = borrowed.iter_mut().map(|e| &mut e.core).collect();
+    let slices: Vec<&[f64]> = data.iter().map(Vec::as_slice).collect();
+    let found = py.detach(|| ddmhe_core::run_many(&mut cores, &slices)).map_err(raise)?;
+    found.into_iter().zip(sizes).map(|(log, (n, bounded))| Log::new(py, log, n, bounded)).collect()
+}
+
 impl Log {
     fn new(py: Python<'_>, log: ddmhe_core::Log, n: usize, bounded: bool) -> PyResult<Self> {
         let words: Vec<&str> = log.status.iter().map(|s| s.as_str()).collect();
