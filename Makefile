@@ -67,9 +67,10 @@ study-sensitivity: setup ## errors over mu, rho, M, rank and noise on the 3-DOF 
 study-intervals: setup ## interval observer: 100 000 trajectories, widths, time
 	$(PY) studies/intervals.py
 
-study-reproduction: setup ## every experiment of both papers; docs/claims.md
+study-reproduction: setup ## every experiment of both papers; docs/claims.md and its tables
 	$(PY) -m ddmhe reproduce all --out ddmhe-reproduce
 	cp ddmhe-reproduce/claims.md docs/claims.md
+	cp ddmhe-reproduce/tables.md docs/reproduce-tables.md
 
 clean: ## removes everything that was made
 	rm -rf .venv target dist ddmhe-demo ddmhe-design ddmhe-tune ddmhe-reproduce ddmhe-interval python/ddmhe/_core*.so .mypy_cache .pytest_cache .ruff_cache

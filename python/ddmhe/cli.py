@@ -302,7 +302,7 @@ def reproduce(name: str, out: Path, data: Path | None) -> None:
 
     NAME: bench-nominal, bench-noise, bench-disturbance, bench-both (Figs. 2 to 5), bench-mu (Fig. 6), detumbling
     (Figs. 7 and 8), design (rho0 and mu0), pendulum (the interval paper), all; or real, every estimator on measured
-    pendulum logs. Writes PNG, SVG, CSV and claims.md into DIR.
+    pendulum logs. Writes PNG, SVG, CSV, tables.md and claims.md into DIR.
     """
     from ddmhe.reproduce import EXPERIMENTS, pendulum_logs, reproduce_real, run_experiment, write_claims
 
@@ -312,6 +312,7 @@ def reproduce(name: str, out: Path, data: Path | None) -> None:
         )
     console = Console(width=None if sys.stdout.isatty() else 160)
     claims: list[Any] = []
+    printed: list[Any] = []
     written: list[Path] = []
     logs = pendulum_logs(data) if name == "real" else []
     names = {"all": list(EXPERIMENTS), "real": []}.get(name, [name])
@@ -325,9 +326,12 @@ def reproduce(name: str, out: Path, data: Path | None) -> None:
             result, paths = run_experiment(each, out, lambda: progress.advance(task))  # noqa: B023
             progress.remove_task(task)
             claims += result.claims
+            printed += result.printed
             written += paths
             console.print(*result.printed, "")
     if claims:
+        written.append(out / "tables.md")
+        written[-1].write_text(report.markdown("The tables of `ddmhe reproduce`", printed), encoding="utf-8")
         written.append(out / "claims.md")
         write_claims(written[-1], claims)
         console.print(report.verdicts(claims))

@@ -25,6 +25,7 @@ Array = NDArray[np.float64]
 
 __all__ = [
     "design",
+    "markdown",
     "nrmse",
     "observer_design",
     "outcome",
@@ -149,6 +150,18 @@ def scores(title: str, best: pd.DataFrame) -> Table:
         cells = [str(row["horizon"]), f"{row['mu']:.2g}", space, "yes" if row["equilibrium"] else "no"]
         result.add_row(*cells, f"{np.exp(row['score']):.2e}", quarters, f"{row['spectral radius']:.3f}")
     return result
+
+
+def markdown(title: str, tables: Sequence[Table]) -> str:
+    """Tables as they are printed, as one Markdown page."""
+    lines = [f"# {title}", ""]
+    for table in tables:
+        header = [str(column.header) for column in table.columns]
+        rows = zip(*(map(str, column.cells) for column in table.columns), strict=True)
+        lines += [f"{table.title}", "", "| " + " | ".join(header) + " |", "|" + " --- |" * len(header)]
+        lines += ["| " + " | ".join(cell.replace("|", "\\|") for cell in row) + " |" for row in rows]
+        lines.append("")
+    return "\n".join(lines)
 
 
 def verdicts(claims: Sequence[Claim]) -> Table:

@@ -27,7 +27,7 @@ def test_one_experiment_leaves_figures_series_and_claims(tmp_path):
     assert done.returncode == 0, done.stderr
     assert "does not hold" in done.stdout or "holds" in done.stdout
     names = {path.name for path in tmp_path.iterdir()}
-    assert names == {"bench-both.csv", "bench-both.png", "bench-both.svg", "claims.md"}
+    assert names == {"bench-both.csv", "bench-both.png", "bench-both.svg", "claims.md", "tables.md"}
     assert imread(tmp_path / "bench-both.png").std() > 0.02
     series = pd.read_csv(tmp_path / "bench-both.csv")
     assert len(series) == 250
@@ -155,7 +155,7 @@ def test_the_interval_paper_has_its_verdicts(tmp_path):
     assert done.returncode == 0, done.stderr
     names = {path.name for path in tmp_path.iterdir()}
     figures = {f"pendulum{kind}.{end}" for kind in ("", "-widths") for end in ("png", "svg", "csv")}
-    assert names == figures | {"claims.md"}
+    assert names == figures | {"claims.md", "tables.md"}
     lines = (tmp_path / "claims.md").read_text(encoding="utf-8").splitlines()
     verdicts = {line.split("|")[2].strip(): line.split("|")[5].strip() for line in lines if "| Interval paper" in line}
     assert verdicts["The design (42) gives this gain"] == "**holds**"
@@ -163,3 +163,4 @@ def test_the_interval_paper_has_its_verdicts(tmp_path):
     assert verdicts["The bounded error converges faster on x2"] == "**does not hold**"
     assert verdicts["The state stays within its bounds"] == "**holds**"
     assert len(verdicts) == 9
+    assert "| peak-to-peak ball (44) | 0.58" in (tmp_path / "tables.md").read_text(encoding="utf-8")

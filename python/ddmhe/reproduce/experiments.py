@@ -26,7 +26,7 @@ Array = NDArray[np.float64]
 
 __all__ = ["EXPERIMENTS", "Result", "pendulum_logs", "reproduce_real", "run_experiment"]
 
-SEEDS, SWEEP_SEEDS = 50, 20
+SEEDS, SWEEP_SEEDS = 50, 50
 """Noise seeds of an experiment, and of each point of a sweep."""
 
 
