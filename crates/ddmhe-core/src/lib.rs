@@ -21,8 +21,11 @@
 //! `history` ([`History`]) → `hankel` ([`BlockHankel`], rank condition (7)) → [`space`] ([`TrajectorySpace`]: (16b) as mean + basis)
 //! → `window` (the problem of one depth, factored) → `mhe` ([`DdMhe`]: Algorithm 1) → `estimate` ([`Estimate`]).
 //! [`Certificate`] replaces the scalar weights by matrices for which the error is known to shrink, and bounds it step by step.
-//! `qp` solves what the closed form does not and is the only file that names the solver; [`defaults`] is the rule for settings
-//! that are not given; [`tol`] holds every tolerance with its reason.
+//! `qp` solves what the closed form does not: by the dual method of `active_set`, or by Clarabel, which no other file names.
+//! [`defaults`] is the rule for settings that are not given; [`tol`] holds every tolerance with its reason.
+//!
+//! The second method of the crate puts a guaranteed interval around a state: [`interval`] (arithmetic that rounds outward),
+//! [`Zonotope`], [`observer`] ([`IntervalObserver`]: a zonotope, an ellipsoid and a box side by side).
 //!
 //! # Example
 //! ```
