@@ -316,7 +316,7 @@ def heat_figure(
 
 
 def intervals_figure(t: Array, x: Array, bounds: Mapping[str, tuple[Array, Array]], names: Sequence[str]) -> Figure:
-    """True states (N, n) and (lower, upper) of each method, a panel per state.
+    """True states (N, n), NaN where unknown, and (lower, upper) of each method, a panel per state.
 
     `names` are the states' labels with their units.
     """
@@ -325,9 +325,12 @@ def intervals_figure(t: Array, x: Array, bounds: Mapping[str, tuple[Array, Array
         for k, (name, (lower, upper)) in enumerate(bounds.items()):
             for side, label in ((lower, name), (upper, None)):
                 axes.plot(t, side[:, i], color=_color(k), label=label, **_ESTIMATE)
-        axes.plot(t, x[:, i], color="black", linestyle="--", linewidth=1, label="true")
+        if np.isfinite(x[:, i]).any():
+            axes.plot(t, x[:, i], color="black", linestyle="--", linewidth=1, label="true")
+        middles = [0.5 * (lower[:, i] + upper[:, i]) for lower, upper in bounds.values()]
+        within = np.concatenate([x[np.isfinite(x[:, i]), i], middles[-1]])
         widest = max(float(np.median(upper[:, i] - lower[:, i])) for lower, upper in bounds.values())
-        axes.set_ylim(x[:, i].min() - widest, x[:, i].max() + widest)
+        axes.set_ylim(within.min() - widest, within.max() + widest)
         axes.set_ylabel(names[i])
         axes.grid(alpha=0.3)
     figure.axes[0].legend(fontsize="small", ncols=3, loc="upper right")

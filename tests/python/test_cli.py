@@ -352,6 +352,14 @@ def test_interval_of_a_log(tmp_path):
         assert (truth[name].to_numpy() >= written[f"{name} lower"]).all()
         assert (truth[name].to_numpy() <= written[f"{name} upper"]).all()
     assert (written["b upper"] - written["b lower"]).iloc[50:].mean() < 0.5
+    blind = frame.copy()
+    blind.loc[61:, ["a", "b"]] = np.nan  # the states end with the history
+    blind.to_csv(tmp_path / "blind.csv", index=False)
+    again = ["--w-radius", 0.01, "--v-radius", 0.02, "--out", tmp_path / "blind"]
+    result = ddmhe_run("interval", tmp_path / "blind.csv", *options, *again)
+    assert (result.returncode, result.stderr) == (0, "")
+    assert "outside" not in result.stdout.split("Guaranteed")[0]
+    pd.testing.assert_frame_equal(pd.read_csv(tmp_path / "blind" / "interval.csv"), written)
     assert (tmp_path / "interval.png").read_bytes().startswith(PNG)
     for changed, words in (
         (["--w-radius", 1e-4, "--v-radius", 0.02], "w_radius: expected a bound that an affine system satisfies"),
