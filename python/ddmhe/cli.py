@@ -280,8 +280,12 @@ def _interval_log(log: Path, w_radius: float | None, v_radius: float | None, out
         intervals_figure(split.t, truth, shown, [f"{name} (unit of the log)" for name in names]), written[1]
     )
     console = Console()
-    width = bounds.upper - bounds.lower
-    rows = {f"mean full width of {name}": f"{value:.4g}" for name, value in zip(names, width.mean(axis=0), strict=True)}
+    with np.errstate(over="ignore"):
+        width = bounds.upper - bounds.lower
+    rows = {
+        f"median full width of {name}": f"{value:.4g}"
+        for name, value in zip(names, np.median(width, axis=0), strict=True)
+    }
     if split.x_true is not None:
         known = np.isfinite(split.x_true)
         out_of = ((split.x_true < bounds.lower) | (split.x_true > bounds.upper)) & known

@@ -322,15 +322,20 @@ def intervals_figure(t: Array, x: Array, bounds: Mapping[str, tuple[Array, Array
     """
     figure = Figure(figsize=(10, 3.4 * len(names)), layout="constrained")
     for i, axes in enumerate(figure.subplots(len(names), 1, sharex=True, squeeze=False)[:, 0]):
+        known = x[np.isfinite(x[:, i]), i]
+        # bounds that have left the view, or all numbers, are not drawn
+        widest = 2 * min(float(np.min(0.5 * upper[:, i] - 0.5 * lower[:, i])) for lower, upper in bounds.values())
+        spread = float(np.ptp(known)) if len(known) else 30 * widest
         for k, (name, (lower, upper)) in enumerate(bounds.items()):
+            near = 0.5 * upper[:, i] - 0.5 * lower[:, i] < 50 * max(spread, widest)
             for side, label in ((lower, name), (upper, None)):
-                axes.plot(t, side[:, i], color=_color(k), label=label, **_ESTIMATE)
+                axes.plot(t, np.where(near, side[:, i], np.nan), color=_color(k), label=label, **_ESTIMATE)
+            if not len(known):
+                known = (0.5 * lower[:, i] + 0.5 * upper[:, i])[near]
         if np.isfinite(x[:, i]).any():
             axes.plot(t, x[:, i], color="black", linestyle="--", linewidth=1, label="true")
-        middles = [0.5 * (lower[:, i] + upper[:, i]) for lower, upper in bounds.values()]
-        within = np.concatenate([x[np.isfinite(x[:, i]), i], middles[-1]])
-        widest = max(float(np.median(upper[:, i] - lower[:, i])) for lower, upper in bounds.values())
-        axes.set_ylim(within.min() - widest, within.max() + widest)
+        room = max(0.3 * spread, widest)
+        axes.set_ylim(known.min() - room, known.max() + room)
         axes.set_ylabel(names[i])
         axes.grid(alpha=0.3)
     figure.axes[0].legend(fontsize="small", ncols=3, loc="upper right")

@@ -1,6 +1,6 @@
 //! Interval arithmetic, zonotopes and the observer, as an embedder uses them.
 
-use ddmhe_core::observer::{Dynamics, Gain, Method, Options, Pendulum, System};
+use ddmhe_core::observer::{Dynamics, Gain, Linear, Method, Options, Pendulum, System};
 use ddmhe_core::{Error, Interval, IntervalObserver, Reduction, Zonotope};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -245,4 +245,45 @@ fn the_peak_to_peak_bound_is_what_its_formula_says() {
     let e = observer.estimate();
     assert!((0.5 * e.ball[0].width() / phi - 1.0).abs() < 1e-10);
     assert!((0.5 * e.ellipsoid[0].width() / first - 1.0).abs() < 1e-10);
+}
+
+#[test]
+fn bounds_that_outgrow_all_numbers_are_all_numbers() {
+    // x⁺ = 30 x unobserved: after some 200 samples no float holds it; that is not a contradiction
+    for (method, reduction) in
+        [(Method::Paper, Reduction::Paper), (Method::Tight, Reduction::Girard), (Method::Tight, Reduction::Pca)]
+    {
+        let system = System {
+            A: vec![30.0, 1.0, 0.0, 0.5],
+            C: vec![0.0, 1.0],
+            D1: vec![1.0, 0.0, 0.0, 1.0],
+            D2: vec![1.0],
+            j_lo: vec![0.0; 4],
+            j_hi: vec![0.0; 4],
+            w_radius: vec![0.1; 2],
+            v_radius: vec![0.1],
+            ..System::default()
+        };
+        let gain = Gain {
+            L: vec![0.1, 0.1],
+            P: vec![1.0, 0.0, 0.0, 1.0],
+            lambda: 0.5,
+            gamma: 1.0,
+            mu_w: 1.0,
+            mu_v: 1.0,
+            ..Gain::default()
+        };
+        let options = Options { order: 6, method, reduction };
+        let mut observer = IntervalObserver::new(Linear, system, gain, &[1.0, 1.0], &[0.1, 0.1], options).unwrap();
+        for k in 0..600 {
+            // lost samples keep (41), which this gain does not satisfy, out of it
+            let y = if k % 2 == 0 { f64::NAN } else { 0.0 };
+            let found = observer.step(&[if k < 3 { f64::NAN } else { y }], &[]);
+            let e = found.unwrap_or_else(|e| panic!("{method:?} {k}: {e}"));
+            assert!(e.predicted.iter().all(|x| x.lo <= x.hi));
+            if k > 400 {
+                assert_eq!(e.predicted[0], Interval::ENTIRE);
+            }
+        }
+    }
 }

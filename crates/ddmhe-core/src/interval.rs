@@ -46,8 +46,11 @@ impl Interval {
         if x.is_finite() { Interval { lo: x, hi: x } } else { Interval::ENTIRE }
     }
 
-    /// x ± |radius|, rounded outward.
+    /// x ± |radius|, rounded outward; all numbers if the radius is not finite.
     pub fn about(x: f64, radius: f64) -> Self {
+        if !radius.is_finite() {
+            return Interval::ENTIRE;
+        }
         Interval::point(x) + Interval { lo: -radius.abs(), hi: radius.abs() }
     }
 

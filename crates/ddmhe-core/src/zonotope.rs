@@ -367,7 +367,9 @@ pub(crate) fn strip_range(columns: &[f64], d: &[f64], a: &[f64], strip: Interval
         let found = bound(nu).min(bound(0.0));
         found + 4.0 * f64::EPSILON * found.abs()
     };
-    Interval::new(-upper(-1.0), upper(1.0))
+    let (lo, hi) = (-upper(-1.0), upper(1.0));
+    // generators that have left all floats say nothing
+    if lo.is_finite() && hi.is_finite() { Interval::new(lo, hi) } else { Some(Interval::ENTIRE) }
 }
 
 /// Generators of the box with half widths r.

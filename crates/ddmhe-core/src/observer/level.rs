@@ -10,7 +10,7 @@ use faer::{Mat, Side};
 impl<D: Dynamics> IntervalObserver<D> {
     /// V̄ of the next sample: (41), then a distance of `rest`. Without all outputs (41) does not hold, but the zonotope does.
     pub(super) fn next_level(&self, rest: &[f64], generators: &[f64], all: bool) -> f64 {
-        if self.gain.gamma.is_infinite() {
+        if !self.level.is_finite() && all || self.gain.gamma.is_infinite() {
             return f64::INFINITY;
         }
         if !all {
@@ -28,7 +28,7 @@ impl<D: Dynamics> IntervalObserver<D> {
 
     /// The ball of (44) and the ellipsoid's box.
     pub(super) fn level_boxes(&self, center: &[f64], level: f64, fade: f64) -> (Vec<Interval>, Vec<Interval>) {
-        if level.is_infinite() {
+        if !level.is_finite() {
             return (vec![Interval::ENTIRE; self.n], vec![Interval::ENTIRE; self.n]);
         }
         let g = &self.gain;
