@@ -1,6 +1,6 @@
 """How the 3-DOF estimate depends on mu, rho, M, the rank of the trajectory space and the noise.
 
-Run with `make study-sensitivity` (about three minutes); writes docs/sensitivity-study.md and docs/sensitivity-*.png.
+Run with `make study-sensitivity` (under a minute); writes docs/sensitivity-study.md and docs/sensitivity-*.png.
 """
 
 import sys

@@ -58,29 +58,39 @@ def _names(ctx: click.Context, param: click.Parameter, value: str | None) -> tup
     return names
 
 
-LOG_OPTIONS: list[Callable[[Any], Any]] = [
-    click.argument("log", type=click.Path(path_type=Path)),
-    click.option("--state", callback=_names, required=True, metavar="C1,C2,...", help="Columns of the state."),
-    click.option("--output", callback=_names, required=True, metavar="C1,C2,...", help="Columns of the output."),
-    click.option("--history", type=float, required=True, help="Length of the recording to learn from, s."),
-    click.option("--time", metavar="NAME", help="Column of the time, s.  [default: the first]"),
-    click.option("--start", type=float, help="Where the recording begins, s of the log's clock.  [default: first row]"),
-    click.option("--decimate", type=int, default=1, show_default=True, metavar="K", help="Keep every K-th row."),
-    click.option(
-        "--gaps",
-        type=click.Choice(["error", "fill"]),
-        default="fill",
-        show_default=True,
-        help="A gap in the log: take the lacking samples as not measured, or refuse the log.",
-    ),
-]
+def reading_options(required: bool) -> Callable[[Any], Any]:
+    """How to read a log; `required`: whether its columns and its history must be named."""
+    options: list[Callable[[Any], Any]] = [
+        click.option("--state", callback=_names, required=required, metavar="C1,C2,...", help="Columns of the state."),
+        click.option(
+            "--output", callback=_names, required=required, metavar="C1,C2,...", help="Columns of the output."
+        ),
+        click.option("--history", type=float, required=required, help="Length of the recording to learn from, s."),
+        click.option("--time", metavar="NAME", help="Column of the time, s.  [default: the first]"),
+        click.option(
+            "--start", type=float, help="Where the recording begins, s of the log's clock.  [default: first row]"
+        ),
+        click.option("--decimate", type=int, default=1, show_default=True, metavar="K", help="Keep every K-th row."),
+        click.option(
+            "--gaps",
+            type=click.Choice(["error", "fill"]),
+            default="fill",
+            show_default=True,
+            help="A gap in the log: take the lacking samples as not measured, or refuse the log.",
+        ),
+    ]
+
+    def decorate(command: Any) -> Any:
+        for option in reversed(options):
+            command = option(command)
+        return command
+
+    return decorate
 
 
 def log_options(command: Any) -> Any:
     """The log and how to read it: what every command that takes a log has."""
-    for option in reversed(LOG_OPTIONS):
-        command = option(command)
-    return command
+    return click.argument("log", type=click.Path(path_type=Path))(reading_options(required=True)(command))
 
 
 def _read(log: Path, given: dict[str, Any]) -> tuple[Log, Split]:
@@ -207,18 +217,9 @@ def tune(log: Path, out: Path, output_noise: float | None, rest: bool, **given: 
     _print_written(console, written)
 
 
-def _interval_options(command: Any) -> Any:
-    """`log_options`, but none is required: the pendulum needs no log."""
-    for option in reversed(LOG_OPTIONS[1:]):
-        command = option(command)
-    for parameter in command.__click_params__:
-        parameter.required = False
-    return command
-
-
 @cli.command("interval")
 @click.argument("log", metavar="pendulum|LOG")
-@_interval_options
+@reading_options(required=False)
 @click.option("--w-radius", type=float, help="Bound on |x(k+1) - A x(k) - e|, unit of the states.")
 @click.option("--v-radius", type=float, help="Bound on |y(k) - C x(k) - r|, unit of the outputs.")
 @click.option(

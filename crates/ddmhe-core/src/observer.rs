@@ -33,6 +33,7 @@ use crate::interval::{Interval, points, weighted};
 use crate::zonotope::{Reduction, Zonotope, diagonal, inflation, reduce, row_sums};
 use contractor::{BACK, Past};
 use level::{inverse_diagonal, worst_level};
+use std::borrow::Cow;
 use system::checked;
 
 /// Which recursion. See the module.
@@ -142,14 +143,7 @@ impl<D: Dynamics> IntervalObserver<D> {
         }
         let P_inverse = inverse_diagonal(&gain.P, n)?;
 
-        let C = points(&system.C);
-        let mut error_map = points(&system.A);
-        for i in 0..n {
-            for j in 0..n {
-                let column: Vec<Interval> = (0..p).map(|k| C[k * n + j]).collect();
-                error_map[i * n + j] = error_map[i * n + j] - weighted(&gain.L[i * p..(i + 1) * p], &column);
-            }
-        }
+        let error_map = error_map(&system, &gain.L, &vec![true; p]);
         // MIN_POSITIVE: what products may lose where they fall below the normal numbers
         let (mut noise, mut noise_error) = (Vec::new(), vec![f64::MIN_POSITIVE; n]);
         for k in 0..nw + nv {
@@ -298,13 +292,10 @@ impl<D: Dynamics> IntervalObserver<D> {
         };
         let (mut center, mut rest) = (vec![0.0; self.n], self.noise_error.clone());
         for i in 0..self.n {
-            let next = weighted(&self.system.A[i * self.n..(i + 1) * self.n], &estimate)
-                + past[now].input[i]
-                + value[i]
-                + weighted(&self.gain.L[i * self.p..(i + 1) * self.p], &innovation);
+            let free =
+                weighted(&self.system.A[i * self.n..(i + 1) * self.n], &estimate) + past[now].input[i] + value[i];
+            let next = free + weighted(&self.gain.L[i * self.p..(i + 1) * self.p], &innovation);
             if self.method == Method::Tight {
-                let free =
-                    weighted(&self.system.A[i * self.n..(i + 1) * self.n], &estimate) + past[now].input[i] + value[i];
                 let known = free + self.along_row(i, &J, &past[now])?;
                 ahead[i] = ahead[i].intersect(known).ok_or_else(|| self.violation(i, [ahead[i], known].into_iter()))?;
             }
@@ -364,19 +355,10 @@ impl<D: Dynamics> IntervalObserver<D> {
         let (n, M) = (self.n, &self.generators);
         let sums = row_sums(n, M);
         let all = measured.iter().all(|m| *m);
-        let mut error_map = std::borrow::Cow::from(&self.error_map);
-        if !all {
-            let error_map = error_map.to_mut();
-            // without output j, A - L C loses column j of L
-            for i in 0..n {
-                for l in 0..n {
-                    let used = (0..self.p).filter(|&j| measured[j]).fold(Interval::ZERO, |sum, j| {
-                        sum + Interval::point(self.gain.L[i * self.p + j]) * Interval::point(self.system.C[j * n + l])
-                    });
-                    error_map[i * n + l] = Interval::point(self.system.A[i * n + l]) - used;
-                }
-            }
-        }
+        let error_map = match all {
+            true => Cow::from(&self.error_map),
+            false => Cow::from(error_map(&self.system, &self.gain.L, measured)),
+        };
         let closed: Vec<Interval>;
         let parts: &[&[Interval]] = match self.method {
             Method::Paper => &[&error_map, J],
@@ -452,6 +434,19 @@ impl<D: Dynamics> IntervalObserver<D> {
         let all = sets.fold(Interval::ENTIRE, |all, s| Interval { lo: all.lo.max(s.lo), hi: all.hi.min(s.hi) });
         Error::ModelViolation { argument: "y", step: self.step, state, gap: all.lo - all.hi }
     }
+}
+
+/// Ã = A - L C (n·n), L without the columns of outputs that were not measured.
+fn error_map(system: &System, L: &[f64], measured: &[bool]) -> Vec<Interval> {
+    let p = measured.len();
+    let n = system.C.len() / p;
+    let entry = |(k, &a): (usize, &f64)| {
+        let used = (0..p).filter(|&j| measured[j]).fold(Interval::ZERO, |sum, j| {
+            sum + Interval::point(L[k / n * p + j]) * Interval::point(system.C[j * n + k % n])
+        });
+        Interval::point(a) - used
+    };
+    system.A.iter().enumerate().map(entry).collect()
 }
 
 fn check_enclosure(argument: &'static str, values: &[Interval]) -> Result<(), Error> {

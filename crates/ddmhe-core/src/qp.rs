@@ -139,7 +139,8 @@ impl LeastDistance {
         }
         // Whatever the solver calls its last point: an active set near it that satisfies the optimality conditions
         // gives the answer, to rounding.
-        if let Some(t) = on_active_set(self.A.as_ref(), sides, &b, &solver.solution.z, &solver.solution.s) {
+        if let Some(t) = on_active_set(self.A.as_ref(), &self.norms, sides, &b, &solver.solution.z, &solver.solution.s)
+        {
             return Solution { t, status: Status::Optimal, iterations };
         }
         match status {
@@ -223,7 +224,14 @@ fn prepare(A: MatRef<'_, f64>, pattern: Vec<Row>) -> Option<Prepared> {
 /// Starting from the active set that multipliers z and slacks s suggest, rows that the least-norm point violates are
 /// added and rows with a multiplier of the wrong sign dropped, one at a time, until the point is optimal: every row
 /// satisfied and ν ≥ 0 on inequalities. None when that does not happen within a bounded number of changes.
-fn on_active_set(A: MatRef<'_, f64>, sides: &[Side], b: &[f64], z: &[f64], s: &[f64]) -> Option<Vec<f64>> {
+fn on_active_set(
+    A: MatRef<'_, f64>,
+    norms: &[f64],
+    sides: &[Side],
+    b: &[f64],
+    z: &[f64],
+    s: &[f64],
+) -> Option<Vec<f64>> {
     let mut active: Vec<usize> = (0..sides.len()).filter(|&i| sides[i].fixed || z[i] > s[i]).collect();
     for _ in 0..tol::ACTIVE_SET_CHANGES {
         let (t, nu) = least_norm_point(A, sides, b, &active)?;
@@ -241,7 +249,7 @@ fn on_active_set(A: MatRef<'_, f64>, sides: &[Side], b: &[f64], z: &[f64], s: &[
         }
         let size = t.iter().map(|v| v * v).sum::<f64>().sqrt().max(1.0);
         let free = (0..active.len()).filter(|&a| !sides[active[a]].fixed);
-        let moved = |a: usize| nu[a] * (0..t.len()).map(|j| A[(sides[active[a]].row, j)].powi(2)).sum::<f64>().sqrt();
+        let moved = |a: usize| nu[a] * norms[sides[active[a]].row];
         match free.min_by(|&a, &b| moved(a).total_cmp(&moved(b))) {
             Some(a) if moved(a) < -tol::WRONG_SIGN * size => active.remove(a),
             _ => return Some(t),

@@ -188,15 +188,9 @@ def linear(
         raise DdmheError(f"C_radius: expected radii of at least 0, found {C_rad.min()}")
     rows = [_axes(row) for row in (*radius, *C_rad)]
     kind = ("uncertain", rows, [0.0] * n)
-    return System(middle, C, _array(D1), _array(D2), None, None, -radius, radius, _optional(B), kind=kind)
-
-
-def _array(value: ArrayLike) -> Array:
-    return np.asarray(value, dtype=np.float64)
-
-
-def _optional(value: ArrayLike | None) -> Array | None:
-    return None if value is None else _array(value)
+    D1, D2 = matrix("D1", D1, (n, -1)), matrix("D2", D2, (len(C), -1))
+    B = None if B is None else matrix("B", B, (n, -1))
+    return System(middle, C, D1, D2, None, None, -radius, radius, B, kind=kind)
 
 
 def _axes(radius: Array) -> list[float]:

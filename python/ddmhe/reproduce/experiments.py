@@ -26,7 +26,7 @@ Array = NDArray[np.float64]
 
 __all__ = ["EXPERIMENTS", "Result", "pendulum_logs", "reproduce_real", "run_experiment"]
 
-SEEDS, SWEEP_SEEDS = 50, 50
+SEEDS = 50
 """Noise seeds of an experiment, and of each point of a sweep."""
 
 
@@ -96,7 +96,7 @@ def _bench(name: str, judge: Callable[[Trials], list[Claim]], **given: Any) -> C
 def _mu(advance: Callable[[], None]) -> Result:
     from ddmhe.plot import sweep_figure
 
-    sweep = {mu: run_trials(bench.trial, range(SWEEP_SEEDS), advance, mu=mu, swept=True) for mu in bench.MUS}
+    sweep = {mu: run_trials(bench.trial, range(SEEDS), advance, mu=mu, swept=True) for mu in bench.MUS}
     curves = {
         name: np.array([percentiles(trials.rms(name)) for trials in sweep.values()]) for name in (bench.MHE, bench.KMHE)
     }
@@ -105,7 +105,7 @@ def _mu(advance: Callable[[], None]) -> Result:
     for name, curve in curves.items():
         for k, end in enumerate(ENDS):
             frame[f"{name}: {end}"] = curve[:, k]
-    table = Table("mu", *curves, title=f"bench-mu: RMSE in rad/s, median of {SWEEP_SEEDS} seeds", title_justify="left")
+    table = Table("mu", *curves, title=f"bench-mu: RMSE in rad/s, median of {SEEDS} seeds", title_justify="left")
     for k, mu in enumerate(bench.MUS):
         table.add_row(f"{mu:g}", *(f"{curve[k, 1]:.3g}" for curve in curves.values()))
     return Result(bench.claims_mu(sweep), {"bench-mu": frame}, {"bench-mu": figure}, [table])
@@ -296,7 +296,7 @@ EXPERIMENTS: dict[str, Experiment] = {
     "bench-noise": Experiment(SEEDS, _bench("bench-noise", bench.claims_noise, noisy=True)),
     "bench-disturbance": Experiment(SEEDS, _bench("bench-disturbance", bench.claims_disturbance, disturbed=True)),
     "bench-both": Experiment(SEEDS, _bench("bench-both", bench.claims_both, noisy=True, disturbed=True)),
-    "bench-mu": Experiment(SWEEP_SEEDS * len(bench.MUS), _mu),
+    "bench-mu": Experiment(SEEDS * len(bench.MUS), _mu),
     "detumbling": Experiment(SEEDS * len(satellite.NOISES) * len(satellite.RECORDED), _detumbling),
     "design": Experiment(1, _design),
     "pendulum": Experiment(SEEDS, pendulum_intervals),
