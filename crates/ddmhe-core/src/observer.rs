@@ -258,8 +258,9 @@ impl<D: Dynamics> IntervalObserver<D> {
         past.push(Past { x: self.box_.clone(), input, output });
         self.contract(&mut past)?;
         let now = past.len() - 1;
-        if self.method == Method::Tight {
-            self.cut_zonotope(&mut past[now])?;
+        let cut = (self.method == Method::Tight).then(|| self.cut(&past[now]));
+        if let Some(cut) = &cut {
+            self.cut_box(cut, &mut past[now])?;
         }
         let filtered = past[now].x.clone();
 
@@ -295,8 +296,8 @@ impl<D: Dynamics> IntervalObserver<D> {
             let free =
                 weighted(&self.system.A[i * self.n..(i + 1) * self.n], &estimate) + past[now].input[i] + value[i];
             let next = free + weighted(&self.gain.L[i * self.p..(i + 1) * self.p], &innovation);
-            if self.method == Method::Tight {
-                let known = free + self.along_row(i, &J, &past[now])?;
+            if let Some(cut) = &cut {
+                let known = free + self.along_row(i, &J, cut, &past[now])?;
                 ahead[i] = ahead[i].intersect(known).ok_or_else(|| self.violation(i, [ahead[i], known].into_iter()))?;
             }
             center[i] = next.mid();

@@ -328,13 +328,13 @@ fn oriented_box(n: usize, columns: &[f64]) -> Vec<f64> {
 ///
 /// One two-sided constraint leaves a linear programme whose dual has one variable: for every ν
 /// dᵀe ≤ Σ|dᵀg - ν aᵀg| + max(ν strip), so whatever ν is found the bound holds; the best one is at a kink dᵀg/aᵀg or at 0.
-pub(crate) fn strip_range(columns: &[f64], d: &[f64], a: &[f64], strip: Interval) -> Option<Interval> {
+/// `sums` are the [`row_sums`] of the columns.
+pub(crate) fn strip_range(columns: &[f64], sums: &[f64], d: &[f64], a: &[f64], strip: Interval) -> Option<Interval> {
     let n = d.len();
     let inner = |x: &[f64], g: &[f64]| x.iter().zip(g).map(|(x, g)| x * g).sum::<f64>();
     let images: Vec<(f64, f64)> = columns.chunks_exact(n).map(|g| (inner(d, g), inner(a, g))).collect();
     // what rounding may have taken from the images, summed over the generators
-    let sums = row_sums(n, columns);
-    let lost = |x: &[f64]| (n as f64 + 2.0) * f64::EPSILON * x.iter().zip(&sums).map(|(x, s)| x.abs() * s).sum::<f64>();
+    let lost = |x: &[f64]| (n as f64 + 2.0) * f64::EPSILON * x.iter().zip(sums).map(|(x, s)| x.abs() * s).sum::<f64>();
     let (lost_d, lost_a) = (lost(d), lost(a));
     let upper = |sign: f64| -> f64 {
         let bound = |nu: f64| {

@@ -3,7 +3,7 @@
 use super::{Dynamics, IntervalObserver, Method};
 use crate::error::Error;
 use crate::interval::{Interval, dot, points, weighted};
-use crate::zonotope::{diagonal, strip_range};
+use crate::zonotope::{diagonal, row_sums, strip_range};
 
 /// Past transitions that a measurement is carried back through.
 pub(super) const BACK: usize = 4;
@@ -14,6 +14,12 @@ pub(super) struct Past {
     pub x: Vec<Interval>,
     pub input: Vec<Interval>,
     pub output: Vec<Interval>, // y - r - D2 v - δ, what C x is; all numbers where not measured
+}
+
+/// What cuts the present zonotope, the same for every direction that is asked for.
+pub(super) struct Cut {
+    sums: Vec<f64>,        // row sums of |M|
+    strips: Vec<Interval>, // C e (p)
 }
 
 /// A later state is in offset + slope (x - c) for every x of a box: the mean-value form, row by row.
@@ -139,10 +145,18 @@ impl<D: Dynamics> IntervalObserver<D> {
         Ok(())
     }
 
+    /// The zonotope of e and what each output leaves of C e.
+    pub(super) fn cut(&self, past: &Past) -> Cut {
+        let estimate = points(&self.center);
+        let rows = self.system.C.chunks_exact(self.n).zip(&past.output);
+        let strips = rows.map(|(row, output)| *output - weighted(row, &estimate)).collect();
+        Cut { sums: row_sums(self.n, &self.generators), strips }
+    }
+
     /// x within what the zonotope, cut by the outputs, leaves of each axis.
-    pub(super) fn cut_zonotope(&self, past: &mut Past) -> Result<(), Error> {
+    pub(super) fn cut_box(&self, cut: &Cut, past: &mut Past) -> Result<(), Error> {
         for (i, axis) in diagonal(&vec![1.0; self.n]).chunks_exact(self.n).enumerate() {
-            let known = Interval::point(self.center[i]) + self.along(axis, past, i)?;
+            let known = Interval::point(self.center[i]) + self.along(axis, cut, i)?;
             let x = past.x[i];
             past.x[i] = x.intersect(known).ok_or_else(|| self.violation(i, [x, known].into_iter()))?;
         }
@@ -150,7 +164,7 @@ impl<D: Dynamics> IntervalObserver<D> {
     }
 
     /// Bounds of row i of (A + \[J\]) e + D1 w, with the zonotope's correlations; e = x - x̂ also lies in the box of x.
-    pub(super) fn along_row(&self, i: usize, J: &[Interval], past: &Past) -> Result<Interval, Error> {
+    pub(super) fn along_row(&self, i: usize, J: &[Interval], cut: &Cut, past: &Past) -> Result<Interval, Error> {
         let row = i * self.n..(i + 1) * self.n;
         let slope = J[row.clone()].iter().zip(&self.system.A[row]).map(|(j, &a)| *j + Interval::point(a));
         let (mut middle, mut spread) = (Vec::with_capacity(self.n), self.disturbance[i]);
@@ -158,16 +172,14 @@ impl<D: Dynamics> IntervalObserver<D> {
             middle.push(slope.mid());
             spread = spread + (slope - Interval::point(slope.mid())) * (*x - Interval::point(c));
         }
-        Ok(self.along(&middle, past, i)? + spread)
+        Ok(self.along(&middle, cut, i)? + spread)
     }
 
     /// Bounds of dᵀe over the zonotope cut by each output in turn.
-    fn along(&self, d: &[f64], past: &Past, state: usize) -> Result<Interval, Error> {
-        let estimate = points(&self.center);
+    fn along(&self, d: &[f64], cut: &Cut, state: usize) -> Result<Interval, Error> {
         let mut known = Interval::ENTIRE;
-        for (row, output) in self.system.C.chunks_exact(self.n).zip(&past.output) {
-            let strip = *output - weighted(row, &estimate);
-            let found = strip_range(&self.generators, d, row, strip);
+        for (row, &strip) in self.system.C.chunks_exact(self.n).zip(&cut.strips) {
+            let found = strip_range(&self.generators, &cut.sums, d, row, strip);
             let sets = [known, found.unwrap_or(known)];
             known = found
                 .and_then(|found| found.intersect(known))
