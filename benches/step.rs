@@ -1,8 +1,10 @@
-//! Time of one step against horizon M, number of states n, rank r and regime, and of construction.
+//! Time of one step against horizon M, number of states n, rank r and regime, beside the floor of its arithmetic; of
+//! construction; and of many logs.
 //!
-//! Regimes: `free` (no bounds), `slack` (a box on every state that never binds: the closed form plus the check), `binding`
-//! (a box on the fitted noise that cuts at almost every step: the solver runs), `missing` (one output entry absent
-//! in the window: the step's problem is factored anew). Ratios within one run are what to compare.
+//! Regimes: `floor` (the bare arithmetic of a step in plain loops: z from the data, the whole window, the check of its
+//! bounds), `free` (bounds that never bind), `few` (a box on the states that binds at a few of them, warm-started from the
+//! last step's active set), `many` (a box on the fitted noise that cuts at almost every sample), `missing` (one output entry
+//! absent in the window). Ratios within one run are what to compare.
 
 use criterion::{Criterion, criterion_group, criterion_main};
 use ddmhe_core::{Bounds, Config, DdMhe, History, Space};
@@ -10,7 +12,8 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use std::hint::black_box;
 
-/// Noisy recording (T = 200) and online outputs of n/2 decaying rotations seen through n outputs.
+/// Noisy recording (T samples) and online outputs of slowly decaying rotations (the last state of an odd n decays alone) seen
+/// through n outputs.
 fn data(n: usize, T: usize, steps: usize) -> (History, Vec<f64>) {
     let mut rng = ChaCha8Rng::seed_from_u64(1);
     let mut noise = |size: f64| rng.random_range(-size..size);
@@ -18,10 +21,13 @@ fn data(n: usize, T: usize, steps: usize) -> (History, Vec<f64>) {
     let (mut x, mut y) = (state.clone(), Vec::new());
     for _ in 0..T + steps {
         y.extend(state.iter().map(|v| v + noise(0.05)));
-        for i in 0..n / 2 {
+        for (i, pair) in state.chunks_mut(2).enumerate() {
             let (s, c) = (0.1 + 0.3 * i as f64).sin_cos();
-            let (a, b) = (state[2 * i], state[2 * i + 1]);
-            (state[2 * i], state[2 * i + 1]) = (0.999 * (c * a - s * b), 0.999 * (s * a + c * b));
+            match pair {
+                [a, b] => (*a, *b) = (0.999 * (c * *a - s * *b), 0.999 * (s * *a + c * *b)),
+                [a] => *a *= 0.995,
+                _ => {}
+            }
         }
         x.extend(&state);
     }
@@ -33,11 +39,77 @@ fn config(horizon: usize, space: Space) -> Config {
     Config { horizon: Some(horizon), rho: Some(0.95), mu: Some(0.1), space, ..Config::default() }
 }
 
+fn within(size: f64, width: usize) -> Option<Bounds> {
+    Some(Bounds { lo: vec![-size; width], hi: vec![size; width] })
+}
+
+/// The bare arithmetic of one step: z = K f, w = c + A z, is lo ≤ w ≤ hi. Matrices by blocks of eight rows, sums in registers.
+struct Floor {
+    f: Vec<f64>,
+    K: Vec<[f64; 8]>,
+    A: Vec<[f64; 8]>,
+    c: Vec<[f64; 8]>,
+    lo: Vec<[f64; 8]>,
+    hi: Vec<[f64; 8]>,
+    z: Vec<[f64; 8]>,
+    w: Vec<[f64; 8]>,
+}
+
+impl Floor {
+    fn new(n: usize, M: usize, r: usize) -> Self {
+        let (seen, rows) = (n + M * n, (M * 2 * n + n).div_ceil(8));
+        let numbers = |len: usize| (0..len).map(|i| [(i as f64).sin() / len as f64; 8]).collect::<Vec<_>>();
+        Floor {
+            f: numbers(seen).into_iter().map(|f| f[0]).collect(),
+            K: numbers(r.div_ceil(8) * seen),
+            A: numbers(rows * r),
+            c: numbers(rows),
+            lo: vec![[-1e3; 8]; rows],
+            hi: vec![[1e3; 8]; rows],
+            z: vec![[0.0; 8]; r.div_ceil(8)],
+            w: vec![[0.0; 8]; rows],
+        }
+    }
+
+    #[inline(always)]
+    fn run(&mut self, r: usize) -> bool {
+        for (z, block) in self.z.iter_mut().zip(self.K.chunks_exact(self.f.len())) {
+            *z = product([0.0; 8], block, &self.f);
+        }
+        let z = &self.z.as_flattened()[..r];
+        for ((w, c), block) in self.w.iter_mut().zip(&self.c).zip(self.A.chunks_exact(r)) {
+            *w = product(*c, block, z);
+        }
+        let mut room = [f64::INFINITY; 8];
+        for ((w, lo), hi) in self.w.iter().zip(&self.lo).zip(&self.hi) {
+            for i in 0..8 {
+                let (below, above) = (w[i] - lo[i], hi[i] - w[i]);
+                let least = if below < above { below } else { above };
+                room[i] = if least < room[i] { least } else { room[i] };
+            }
+        }
+        room.iter().all(|room| *room >= 0.0)
+    }
+}
+
+#[inline(always)]
+fn product(mut sum: [f64; 8], block: &[[f64; 8]], x: &[f64]) -> [f64; 8] {
+    for (column, x) in block.iter().zip(x) {
+        for i in 0..8 {
+            sum[i] += column[i] * x;
+        }
+    }
+    sum
+}
+
 /// Runs until the window is full, then times steps over the outputs again and again.
-fn time(c: &mut Criterion, regime: &str, mut mhe: DdMhe, outputs: &[f64]) {
-    let id = format!("n={},M={},r={}", mhe.n(), mhe.settings().horizon, mhe.settings().rank);
+fn time(c: &mut Criterion, regime: &str, id: &str, mut mhe: DdMhe, outputs: &[f64]) {
     let p = mhe.p();
-    mhe.run(outputs).expect("outputs fit");
+    let log = mhe.run(outputs).expect("outputs fit");
+    let active = log.active[outputs.len() / p / 2..].iter().sum::<usize>() as f64 / (outputs.len() / p / 2) as f64;
+    if active > 0.0 {
+        eprintln!("{regime}/{id}: {active:.1} bounds active in the mean");
+    }
     let mut samples = outputs.chunks_exact(p).cycle();
     c.benchmark_group(format!("step/{regime}")).bench_function(id, |b| {
         b.iter(|| {
@@ -50,50 +122,66 @@ fn time(c: &mut Criterion, regime: &str, mut mhe: DdMhe, outputs: &[f64]) {
 fn step(c: &mut Criterion) {
     let rank = |r| Space::Truncated { rank: Some(r), tol: None };
     for (n, M, space) in [
-        (2, 10, rank(2)),
-        (2, 20, rank(2)),
-        (2, 50, rank(2)),
-        (4, 20, rank(4)),
-        (4, 20, rank(20)),
-        (4, 50, rank(20)),
-        (2, 20, Space::Auto),
+        (1, 20, rank(3)),
+        (3, 10, rank(5)),
+        (3, 20, rank(5)),
+        (3, 20, rank(20)),
+        (3, 50, rank(5)),
+        (3, 50, rank(20)),
+        (6, 50, rank(20)),
+        (3, 20, Space::Auto),
     ] {
-        let (history, outputs) = data(n, 200, 300);
-        let regimes = [
-            ("free", config(M, space)),
-            ("slack", Config { x_bounds: Some(Bounds { lo: vec![-1e3; n], hi: vec![1e3; n] }), ..config(M, space) }),
-            (
-                "binding",
-                Config { v_bounds: Some(Bounds { lo: vec![-0.045; n], hi: vec![0.045; n] }), ..config(M, space) },
-            ),
-        ];
-        for (regime, config) in regimes {
-            let mhe = DdMhe::new(&history, config).expect("valid settings");
-            time(c, regime, mhe, &outputs);
-        }
+        let (history, outputs) = data(n, 200, 600);
+        let build = |config: Config| DdMhe::new(&history, config).expect("valid settings");
+        let free = build(Config { x_bounds: within(1e3, n), v_bounds: within(1e3, n), ..config(M, space) });
+        let id = format!("n={n},M={M},r={}", free.settings().rank);
+        let mut floor = Floor::new(n, M, free.settings().rank);
+        let (arch, rank) = (pulp::Arch::new(), free.settings().rank);
+        c.benchmark_group("step/floor").bench_function(&id, |b| {
+            b.iter(|| {
+                arch.dispatch(
+                    #[inline(always)]
+                    || black_box(&mut floor).run(rank),
+                )
+            });
+        });
+        time(c, "free", &id, free, &outputs);
+        let few = Bounds { lo: vec![-1e3; n], hi: (0..n).map(|i| 0.97 * (1.0 + i as f64)).collect() };
+        time(c, "few", &id, build(Config { x_bounds: Some(few), ..config(M, space) }), &outputs);
+        time(c, "many", &id, build(Config { v_bounds: within(0.045, n), ..config(M, space) }), &outputs);
         let mut holes = outputs.clone();
-        (0..holes.len()).step_by(M * n / 2).for_each(|k| holes[k] = f64::NAN);
-        let mhe = DdMhe::new(&history, config(M, space)).expect("valid settings");
-        time(c, "missing", mhe, &holes);
+        (0..holes.len()).step_by(M * n / 2 + 1).for_each(|k| holes[k] = f64::NAN);
+        time(c, "missing", &id, build(config(M, space)), &holes);
+    }
+}
+
+/// The step must not depend on how long the recording was.
+fn recording(c: &mut Criterion) {
+    let space = Space::Truncated { rank: Some(5), tol: None };
+    for T in [200, 2000] {
+        let (history, outputs) = data(3, T, 600);
+        let mhe =
+            DdMhe::new(&history, Config { x_bounds: within(1e3, 3), ..config(20, space) }).expect("valid settings");
+        time(c, "recording", &format!("T={T}"), mhe, &outputs);
     }
 }
 
 fn construction(c: &mut Criterion) {
     let mut group = c.benchmark_group("construction");
     group.sample_size(10);
-    for (n, T, M) in [(2, 200, 20), (2, 200, 50), (4, 200, 20), (2, 2000, 20)] {
+    let full = [(2, 200, 20), (2, 200, 50), (4, 200, 20), (2, 2000, 20), (3, 2000, 50)].map(|case| (case, Space::Auto));
+    let truncated = ((3, 2000, 50), Space::Truncated { rank: Some(20), tol: None });
+    for ((n, T, M), space) in full.into_iter().chain([truncated]) {
         let (history, _) = data(n, T, 1);
-        group.bench_function(format!("n={n},T={T},M={M}"), |b| {
-            b.iter(|| {
-                DdMhe::new(black_box(&history), config(M, Space::Auto)).expect("valid settings").spectral_radius()
-            });
+        group.bench_function(format!("n={n},T={T},M={M},{space:?}"), |b| {
+            b.iter(|| DdMhe::new(black_box(&history), config(M, space)).expect("valid settings").spectral_radius());
         });
     }
 }
 
 criterion_group! {
     name = benches;
-    config = Criterion::default().sample_size(50).warm_up_time(std::time::Duration::from_millis(500)).measurement_time(std::time::Duration::from_secs(2));
-    targets = step, construction
+    config = Criterion::default().sample_size(50).warm_up_time(std::time::Duration::from_millis(300)).measurement_time(std::time::Duration::from_secs(1));
+    targets = step, recording, construction
 }
 criterion_main!(benches);

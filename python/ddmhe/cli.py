@@ -369,7 +369,7 @@ def _summary(log: Log, split: Split, est: DdMhe, estimates: Estimates) -> Any:
     filled = int(np.sum(log.lines == 0))
     rows = {"history": f"T = {split.history.T} samples of {log.dt:.4g} s"}
     rows |= {"gaps filled": f"{filled} samples"} if filled else {}
-    rows |= report.settings(est) | report.outcome(estimates.status, estimates.iterations)
+    rows |= report.settings(est) | report.outcome(estimates.status, estimates.active)
     if estimates.bound is not None:
         rows["error bound"] = f"{np.median(estimates.bound):.4g} median, {np.max(estimates.bound):.4g} at most"
     if split.x_true is not None:

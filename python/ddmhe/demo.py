@@ -49,7 +49,7 @@ class Run:
     seconds: Array
     """Wall time of each step (STEPS,), s."""
     status: list[str]
-    iterations: list[int]
+    active: list[int]
 
 
 def runs(noise: float, seed: int, advance: Callable[[], None]) -> tuple[models.Recording, dict[str, Run]]:
@@ -69,7 +69,7 @@ def run(history: History, Y: Array, given: dict[str, Any], advance: Callable[[],
         seconds.append(time.perf_counter() - begin)
         advance()
     x_hat = np.array([e.x for e in estimates])
-    return Run(est, x_hat, np.array(seconds), [e.status for e in estimates], [e.iterations for e in estimates])
+    return Run(est, x_hat, np.array(seconds), [e.status for e in estimates], [e.active for e in estimates])
 
 
 def summary(recording: models.Recording, results: dict[str, Run], noise: float) -> Table:
@@ -90,7 +90,7 @@ def _column(result: Run, error: Array) -> dict[str, str]:
         **per_axis,
         **spans,
         **times,
-        **report.outcome(result.status, result.iterations),
+        **report.outcome(result.status, result.active),
     }
 
 

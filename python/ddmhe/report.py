@@ -79,13 +79,13 @@ def settings(est: DdMhe) -> dict[str, str]:
     }
 
 
-def outcome(status: Iterable[str], iterations: Iterable[int]) -> dict[str, str]:
-    """How the steps ended, as label and text: count per status, share that needed no solver."""
+def outcome(status: Iterable[str], active: Iterable[int]) -> dict[str, str]:
+    """How the steps ended, as label and text: count per status, share in which no bound was active."""
     counts = Counter(str(s) for s in status)
-    free = [i == 0 for i in iterations]
+    free = [i == 0 for i in active]
     return {
         "steps": ", ".join(f"{count} {word}" for word, count in counts.most_common()),
-        "without solver": f"{np.mean(free):.1%}",
+        "no bound active": f"{np.mean(free):.1%}",
     }
 
 

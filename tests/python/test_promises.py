@@ -42,7 +42,7 @@ def test_a_tight_box_on_the_3_dof_case_keeps_every_step_optimal():
     for horizon in (10, 50):
         log = ddmhe.DdMhe(h, horizon, x_bounds=limits).run(record.y[600:900])
         assert (log.status == "optimal").all()
-        assert (log.iterations > 0).mean() > 0.3
+        assert (log.active > 0).mean() > 0.3
         assert (log.x >= limits[0] - 1e-9).all()
         assert (log.x <= limits[1] + 1e-9).all()
 

@@ -28,7 +28,7 @@ fn noise_free_states_are_recovered() {
 }
 
 #[test]
-fn bounds_hold_and_the_solver_runs_only_when_they_bind() {
+fn bounds_hold_and_the_active_set_changes_only_when_they_bind() {
     let system = modes(2);
     let (n, p) = (system.n(), system.p());
     let history = system.record(&noise(1, n, 2.0), 60);
@@ -36,15 +36,17 @@ fn bounds_hold_and_the_solver_runs_only_when_they_bind() {
     outputs.iter_mut().zip(noise(3, 40 * p, 0.2)).for_each(|(y, v)| *y += v);
     let v_bounds = Some(Bounds { lo: vec![-0.2; p], hi: vec![0.2; p] });
     let mut boxed = DdMhe::new(&history, Config { v_bounds, ..config(10) }).unwrap();
-    let mut solved = 0;
+    let (mut bound, mut before) = (0, 0);
     for y in outputs.chunks(p) {
         let e = boxed.step(y).unwrap();
         assert_eq!(e.status, Status::Optimal);
         assert!(e.v.iter().all(|v| v.abs() <= 0.2 + 1e-9));
-        assert_eq!(e.iterations > 0, e.active > 0, "{e:?}");
-        solved += usize::from(e.iterations > 0);
+        // where no bound is active, at most those of the last step were dropped
+        assert!(e.active > 0 || e.iterations as usize <= before, "{e:?}");
+        before = e.active;
+        bound += usize::from(e.active > 0);
     }
-    assert!((5..40).contains(&solved), "{solved}");
+    assert!((5..40).contains(&bound), "{bound}");
 }
 
 #[test]

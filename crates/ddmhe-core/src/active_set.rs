@@ -1,239 +1,664 @@
-//! A dense dual active-set method for the least-distance problem: minimise ½‖t‖² subject to lo ≤ A t ≤ hi.
+//! A dense dual active-set method for the least-distance problem: minimise ½‖z - z*‖² subject to lo ≤ c + A z ≤ hi.
 //!
 //! D. Goldfarb, A. Idnani, "A numerically stable dual method for solving strictly convex quadratic programs" (1983), with the
-//! identity as Hessian. It starts at the unconstrained minimiser, t = 0, which is where a window without active bounds
-//! would stop, and takes in the most violated row at a time while every multiplier stays at least 0; rows whose multiplier
-//! would change sign are dropped on the way. The normals of the active rows are kept as N = Q R.
+//! identity as Hessian. It takes in the most violated row at a time while every multiplier stays at least 0; rows
+//! whose multiplier would change sign are dropped on the way. The unit normals of the active rows are kept as N = Q R.
 //!
-//! The answer is recomputed from the final active set in the order of its rows, so it depends on that set alone, and is checked against the
-//! optimality conditions. Whatever is not certain (nearly dependent rows, too many changes, a check that fails) is left to
-//! the interior-point solver: the method then returns None.
+//! *Warm start.* The active rows stay from one call to the next, with their factor, since only z* and the bounds change. Rows
+//! whose multiplier is negative there are dropped first: what is left is optimal for its own rows, as the method needs.
+//!
+//! *One set, one answer.* The factor at the end is always that of taking in the active rows in the order of the list, so
+//! that an answer depends on that list alone, not on how it was reached: a saved list continues with the same numbers.
+//!
+//! *Certainty.* The answer is checked against the optimality conditions, and the number of changes is bounded. Whatever is not
+//! certain (nearly dependent rows, too many changes, a check that fails) is [`Outcome::Uncertain`] and left to the interior-point
+//! solver.
+//!
+//! Nothing here allocates: the numbers live in the caller's memory, [`work_len`] of them.
 
+use crate::panels::{WIDTH, axpy, dot, padded};
 use crate::tol;
-use faer::{Mat, MatRef};
+use faer::MatRef;
+use serde::{Deserialize, Serialize};
 
-/// What the method is certain of.
+/// What the method is certain of, with the number of rows that were taken in or dropped.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Outcome {
-    /// The minimiser, and how many rows were taken in or dropped.
-    Optimal(Vec<f64>, u32),
-    /// No t satisfies all bounds: a combination of rows proves it.
+    Optimal(u32),
+    /// No z satisfies all bounds: a combination of rows proves it.
     Infeasible(u32),
+    Uncertain,
 }
 
-/// Normals of the active rows, N = Q R, and their multipliers.
-struct Active {
+/// The rows c + A z that bounds may be set on, padded to whole panels with rows that are always 0.
+pub(crate) struct Rows {
     r: usize,
-    sides: Vec<(usize, f64)>, // row, and +1 for its lower bound, -1 for its upper one
-    u: Vec<f64>,
-    q: Vec<f64>,     // Q by columns
-    upper: Vec<f64>, // R by columns, r numbers each
+    stride: usize,
+    normals: Vec<f64>, // unit length, `stride` numbers a row
+    offset: Vec<f64>,  // c
+    inverse: Vec<f64>, // 1 / length of the row of A; 0 counts as the smallest positive number
+    slack: Vec<f64>,   // violation that counts as none
+    unit: Vec<f64>,    // what the tolerances are in units of
+    zero: Vec<bool>,
 }
 
-impl Active {
-    fn new(r: usize) -> Self {
-        Active { r, sides: Vec::new(), u: Vec::new(), q: vec![0.0; r * r], upper: vec![0.0; r * r] }
+impl Rows {
+    /// From A and c (padded rows of zeros included) and the unit of each row.
+    pub fn new(A: MatRef<'_, f64>, offset: Vec<f64>, unit: Vec<f64>) -> Self {
+        let (r, stride) = (A.ncols(), A.ncols().next_multiple_of(4));
+        let lengths: Vec<f64> = (0..A.nrows()).map(|i| (0..r).map(|j| A[(i, j)].powi(2)).sum::<f64>().sqrt()).collect();
+        let mut normals = vec![0.0; A.nrows() * stride];
+        for (i, &length) in lengths.iter().enumerate().filter(|(_, length)| **length > 0.0) {
+            (0..r).for_each(|j| normals[i * stride + j] = A[(i, j)] / length);
+        }
+        Rows {
+            r,
+            stride,
+            normals,
+            inverse: lengths.iter().map(|l| 1.0 / l.max(f64::MIN_POSITIVE)).collect(),
+            slack: unit.iter().map(|u| tol::VIOLATED * u).collect(),
+            zero: lengths.iter().map(|&l| l == 0.0).collect(),
+            offset,
+            unit,
+        }
     }
 
-    fn len(&self) -> usize {
-        self.sides.len()
+    pub fn r(&self) -> usize {
+        self.r
     }
 
-    fn column(&self, j: usize) -> &[f64] {
-        &self.q[j * self.r..(j + 1) * self.r]
+    /// c + A z = offset + normal·z / inverse.
+    pub fn offset(&self) -> &[f64] {
+        &self.offset
     }
 
-    /// Qᵀn and the part of n that is orthogonal to the active normals, orthogonalised twice.
-    fn split(&self, n: &[f64]) -> (Vec<f64>, Vec<f64>) {
-        let (mut d, mut z) = (vec![0.0; self.len()], n.to_vec());
+    /// Number of rows, padding included.
+    pub fn len(&self) -> usize {
+        self.offset.len()
+    }
+
+    pub fn unit(&self) -> &[f64] {
+        &self.unit
+    }
+
+    /// Entry of A.
+    pub fn entry(&self, row: usize, j: usize) -> f64 {
+        if self.zero[row] { 0.0 } else { self.normals[row * self.stride + j] / self.inverse[row] }
+    }
+
+    #[inline(always)]
+    fn normal(&self, row: usize) -> &[f64] {
+        &self.normals[row * self.stride..(row + 1) * self.stride]
+    }
+
+    /// The side that is violated most in units of its row's length, if any by more than the tolerance.
+    #[inline(always)]
+    fn worst(&self, w: &[f64], lo: &[f64], hi: &[f64]) -> Option<Side> {
+        let excess = |i: usize, w: f64, lo: f64, hi: f64| {
+            let (below, above) = (lo - w, w - hi);
+            ((if below > above { below } else { above }) - self.slack[i]) * self.inverse[i]
+        };
+        let mut most = [0.0; WIDTH];
+        for first in (0..self.len()).step_by(WIDTH) {
+            let (w, lo, hi) = (&w[first..first + WIDTH], &lo[first..first + WIDTH], &hi[first..first + WIDTH]);
+            for i in 0..WIDTH {
+                let e = excess(first + i, w[i], lo[i], hi[i]);
+                most[i] = if e > most[i] { e } else { most[i] };
+            }
+        }
+        let most = most.into_iter().fold(0.0_f64, f64::max);
+        if most == 0.0 {
+            return None;
+        }
+        let row = (0..self.len()).find(|&i| excess(i, w[i], lo[i], hi[i]) == most)?;
+        Some(Side { row, sign: if lo[row] - w[row] >= w[row] - hi[row] { 1.0 } else { -1.0 } })
+    }
+}
+
+/// An active bound: its row, and +1 for the lower one, -1 for the upper one.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub(crate) struct Side {
+    pub row: usize,
+    pub sign: f64,
+}
+
+/// The active bounds of the last call.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Kept {
+    pub sides: Vec<Side>,
+    factored: bool, // whether Q and R in memory are theirs
+}
+
+impl Kept {
+    pub fn new(sides: Vec<Side>) -> Self {
+        Kept { sides, factored: false }
+    }
+
+    pub fn clear(&mut self) {
+        self.sides.clear();
+        self.factored = false;
+    }
+}
+
+/// One problem. Its window is c + A z for z = z* + t, or z* + L⁻ᵀt for a Hessian L Lᵀ.
+pub(crate) struct Problem<'a, W: Fn(&[f64], &mut [f64])> {
+    pub rows: &'a Rows,
+    pub lo: &'a [f64],
+    pub hi: &'a [f64],
+    pub free: &'a [f64],           // z*, padded
+    pub metric: Option<&'a [f64]>, // L by rows of `stride` numbers
+    pub window: W,                 // z to c + A z, padded
+}
+
+/// Numbers that [`solve`] works with at rank r.
+pub(crate) fn work_len(r: usize) -> usize {
+    let stride = r.next_multiple_of(4);
+    2 * r * stride + 5 * stride + 2 * padded(r)
+}
+
+/// The caller's memory, by name.
+struct Work<'a> {
+    stride: usize,
+    q: &'a mut [f64],     // Q by columns
+    upper: &'a mut [f64], // R by columns
+    b: &'a mut [f64],     // what is missing to each active bound at z*
+    u: &'a mut [f64],     // multipliers
+    t: &'a mut [f64],
+    n: &'a mut [f64],    // normal of the row that is taken in …
+    d: &'a mut [f64],    // … = Q d + rest
+    rest: &'a mut [f64], // padded, as is
+    back: &'a mut [f64], // R⁻¹ d
+}
+
+impl<'a> Work<'a> {
+    fn new(memory: &'a mut [f64], r: usize) -> Self {
+        let stride = r.next_multiple_of(4);
+        let (q, memory) = memory.split_at_mut(r * stride);
+        let (upper, memory) = memory.split_at_mut(r * stride);
+        let (b, memory) = memory.split_at_mut(stride);
+        let (u, memory) = memory.split_at_mut(stride);
+        let (t, memory) = memory.split_at_mut(stride);
+        let (n, memory) = memory.split_at_mut(stride);
+        let (d, memory) = memory.split_at_mut(stride);
+        let (rest, back) = memory.split_at_mut(padded(r));
+        Work { stride, q, upper, b, u, t, n, d, rest, back }
+    }
+
+    /// Qᵀn and the part of n that is orthogonal to the first k columns of Q, into `d` and `rest`; the square of its length.
+    #[inline(always)]
+    fn split(&mut self, k: usize) -> f64 {
+        let s = self.stride;
+        self.rest[..s].copy_from_slice(self.n);
+        self.d[..k].fill(0.0);
+        let mut length = dot(self.n, self.n);
+        // once more where much was taken away: twice is enough
         for _ in 0..2 {
-            for (j, d) in d.iter_mut().enumerate() {
-                let part = dot(self.column(j), &z);
+            for (column, d) in self.q.chunks_exact(s).zip(&mut self.d[..k]) {
+                let part = dot(column, &self.rest[..s]);
                 *d += part;
-                z.iter_mut().zip(self.column(j)).for_each(|(z, q)| *z -= part * q);
+                axpy(-part, column, &mut self.rest[..s]);
+            }
+            let left = dot(&self.rest[..s], &self.rest[..s]);
+            let enough = left > 0.5 * length;
+            length = left;
+            if enough {
+                break;
             }
         }
-        (d, z)
+        length
     }
 
-    /// R⁻¹ d.
-    fn back(&self, d: &[f64]) -> Vec<f64> {
-        let mut x = d.to_vec();
-        for j in (0..x.len()).rev() {
-            x[j] /= self.upper[j * self.r + j];
-            for i in 0..j {
-                x[i] -= self.upper[j * self.r + i] * x[j];
-            }
+    /// Appends the column that was split, as number k.
+    #[inline(always)]
+    fn append(&mut self, k: usize, length: f64) {
+        let s = self.stride;
+        self.upper[k * s..k * s + k].copy_from_slice(&self.d[..k]);
+        self.upper[k * s + k] = length.sqrt();
+        let inverse = 1.0 / length.sqrt();
+        self.q[k * s..(k + 1) * s].iter_mut().zip(&*self.rest).for_each(|(q, z)| *q = z * inverse);
+    }
+
+    /// `back` = R⁻¹ d for k columns.
+    #[inline(always)]
+    fn solve_upper(&mut self, k: usize) {
+        self.back[..k].copy_from_slice(&self.d[..k]);
+        for j in (0..k).rev() {
+            let column = &self.upper[j * self.stride..j * self.stride + j + 1];
+            self.back[j] /= column[j];
+            let x = self.back[j];
+            axpy(-x, &column[..j], &mut self.back[..j]);
         }
-        x
     }
 
-    /// R⁻ᵀ b.
-    fn forward(&self, b: &[f64]) -> Vec<f64> {
-        let mut x = b.to_vec();
-        for j in 0..x.len() {
-            x[j] = (x[j] - (0..j).map(|i| self.upper[j * self.r + i] * x[i]).sum::<f64>()) / self.upper[j * self.r + j];
+    /// The least-norm t on k active bounds and their multipliers: t = Q R⁻ᵀ b, u = R⁻¹ R⁻ᵀ b.
+    #[inline(always)]
+    fn point(&mut self, k: usize) {
+        let s = self.stride;
+        self.t.fill(0.0);
+        for j in 0..k {
+            let column = &self.upper[j * s..j * s + j + 1];
+            self.d[j] = (self.b[j] - dot(&column[..j], &self.d[..j])) / column[j];
+            axpy(self.d[j], &self.q[j * s..(j + 1) * s], self.t);
         }
-        x
+        self.solve_upper(k);
+        self.u[..k].copy_from_slice(&self.back[..k]);
     }
 
-    /// Takes in a side whose normal splits into d and z.
-    fn add(&mut self, side: (usize, f64), u: f64, d: &[f64], z: &[f64]) {
-        let (k, r) = (self.len(), self.r);
-        let norm = dot(z, z).sqrt();
-        self.upper[k * r..k * r + k].copy_from_slice(d);
-        self.upper[k * r + k] = norm;
-        self.q[k * r..(k + 1) * r].iter_mut().zip(z).for_each(|(q, z)| *q = z / norm);
-        self.sides.push(side);
-        self.u.push(u);
-    }
-
-    /// Drops side j: R loses a column, rotations make it triangular again.
-    fn drop(&mut self, j: usize) {
-        let (k, r) = (self.len(), self.r);
-        self.sides.remove(j);
-        self.u.remove(j);
-        self.upper.copy_within((j + 1) * r..k * r, j * r);
+    /// Drops active bound j of `sides`: R loses a column, rotations make it triangular again.
+    fn drop(&mut self, j: usize, sides: &mut Vec<Side>) {
+        let (k, s) = (sides.len(), self.stride);
+        sides.remove(j);
+        self.u.copy_within(j + 1..k, j);
+        self.b.copy_within(j + 1..k, j);
+        self.upper.copy_within((j + 1) * s..k * s, j * s);
         for i in j..k - 1 {
-            let (a, b) = (self.upper[i * r + i], self.upper[i * r + i + 1]);
-            let norm = a.hypot(b);
+            let (a, b) = (self.upper[i * s + i], self.upper[i * s + i + 1]);
+            let norm = (a * a + b * b).sqrt();
             if norm == 0.0 {
                 continue;
             }
-            let (c, s) = (a / norm, b / norm);
+            let (cos, sin) = (a / norm, b / norm);
             for column in i..k - 1 {
-                let at = column * r + i;
+                let at = column * s + i;
                 let (x, y) = (self.upper[at], self.upper[at + 1]);
-                (self.upper[at], self.upper[at + 1]) = (c * x + s * y, c * y - s * x);
+                (self.upper[at], self.upper[at + 1]) = (cos * x + sin * y, cos * y - sin * x);
             }
-            for row in 0..r {
-                let (x, y) = (self.q[i * r + row], self.q[(i + 1) * r + row]);
-                (self.q[i * r + row], self.q[(i + 1) * r + row]) = (c * x + s * y, c * y - s * x);
+            let (left, right) = self.q.split_at_mut((i + 1) * s);
+            for (x, y) in left[i * s..].iter_mut().zip(&mut right[..s]) {
+                (*x, *y) = (cos * *x + sin * *y, cos * *y - sin * *x);
             }
         }
     }
 }
 
-fn dot(a: &[f64], b: &[f64]) -> f64 {
-    a.iter().zip(b).map(|(a, b)| a * b).sum()
-}
+impl<W: Fn(&[f64], &mut [f64])> Problem<'_, W> {
+    /// Into z and its window w (both padded), starting from the kept active bounds and leaving the new ones there. z and w say nothing unless the outcome
+    /// is [`Outcome::Optimal`].
+    #[inline(always)]
+    pub fn solve(&self, kept: &mut Kept, memory: &mut [f64], z: &mut [f64], w: &mut [f64]) -> Outcome {
+        let mut work = Work::new(memory, self.rows.r);
+        let warm = !kept.sides.is_empty();
+        let mut outcome = self.attempt(kept, &mut work, z, w);
+        if warm && outcome == Outcome::Uncertain {
+            kept.clear();
+            outcome = self.attempt(kept, &mut work, z, w);
+        }
+        if !matches!(outcome, Outcome::Optimal(_)) {
+            kept.clear();
+        }
+        outcome
+    }
 
-/// Solves for A (rows × r) with the norms of its rows; infinite bounds are none. None: not certain.
-pub(crate) fn solve(A: MatRef<'_, f64>, norms: &[f64], lo: &[f64], hi: &[f64]) -> Option<Outcome> {
-    let r = A.ncols();
-    let mut active = Active::new(r);
-    let (mut t, mut image) = (vec![0.0; r], vec![0.0; A.nrows()]);
-    let mut changes = 0;
-    let most = tol::ACTIVE_SET_CHANGES as u32 + 4 * r as u32;
-    let bound = |(row, sign): (usize, f64)| if sign > 0.0 { lo[row] } else { -hi[row] };
-    loop {
-        let Some((row, sign)) = worst(norms, &image, lo, hi) else {
-            return verified(A, norms, lo, hi, &active).map(|t| Outcome::Optimal(t, changes));
-        };
-        if norms[row] == 0.0 {
-            return Some(Outcome::Infeasible(changes)); // 0ᵀt cannot be above 0
+    #[inline(always)]
+    fn attempt(&self, kept: &mut Kept, work: &mut Work<'_>, z: &mut [f64], w: &mut [f64]) -> Outcome {
+        let mut changes = 0;
+        let mut rotated = false; // whether the factor is another than that of the list
+        let bounded = |side: &Side| self.bound(*side).is_finite();
+        if !kept.sides.iter().all(bounded) {
+            kept.sides.retain(bounded);
+            kept.factored = false;
         }
-        if active.sides.iter().any(|side| side.0 == row && side.1 == sign) {
-            return None; // violated although active: accuracy is lost
+        if !kept.factored && !self.refactor(&kept.sides, work) {
+            return Outcome::Uncertain;
         }
-        let n: Vec<f64> = (0..r).map(|j| sign * A[(row, j)]).collect();
-        let mut u = 0.0;
+        self.missing(&kept.sides, work);
         loop {
-            changes += 1;
-            if changes > most {
-                return None;
+            let k = kept.sides.len();
+            work.point(k);
+            match (0..k).min_by(|&a, &b| work.u[a].total_cmp(&work.u[b])) {
+                Some(j) if work.u[j] < 0.0 => work.drop(j, &mut kept.sides),
+                _ => break,
             }
-            let (d, z) = active.split(&n);
-            let length = dot(&z, &z);
-            let step_back = active.back(&d);
+            (changes, rotated) = (changes + 1, true);
+        }
+        let most = tol::ACTIVE_SET_CHANGES as u32 + 4 * self.rows.r as u32;
+        loop {
+            self.reconstruct(work, z, w);
+            let Some(side) = self.rows.worst(w, self.lo, self.hi) else { break };
+            if kept.sides.contains(&side) {
+                return Outcome::Uncertain; // violated although active: accuracy is lost
+            }
+            if let Some(outcome) = self.take_in(side, &mut kept.sides, work, (&mut changes, most), &mut rotated) {
+                return outcome;
+            }
+        }
+        if rotated {
+            if !self.refactor(&kept.sides, work) {
+                return Outcome::Uncertain;
+            }
+            work.point(kept.sides.len());
+            self.reconstruct(work, z, w);
+        }
+        kept.factored = true;
+        if self.verified(kept.sides.len(), work, w) { Outcome::Optimal(changes) } else { Outcome::Uncertain }
+    }
+
+    /// Takes in a violated side, dropping others where their multipliers ask for it. Some: the end.
+    #[inline(always)]
+    fn take_in(
+        &self,
+        side: Side,
+        sides: &mut Vec<Side>,
+        work: &mut Work<'_>,
+        (changes, most): (&mut u32, u32),
+        rotated: &mut bool,
+    ) -> Option<Outcome> {
+        if self.rows.zero[side.row] {
+            return Some(Outcome::Infeasible(*changes)); // 0ᵀz cannot be above 0
+        }
+        self.normal(side, work);
+        let missing = self.missing_to(side);
+        let norm = dot(work.n, work.n).sqrt();
+        loop {
+            *changes += 1;
+            if *changes > most {
+                return Some(Outcome::Uncertain);
+            }
+            let k = sides.len();
+            let length = work.split(k);
+            work.solve_upper(k);
             // how far until an active row's multiplier is 0
-            let mut partial = (f64::INFINITY, usize::MAX);
-            for (j, &v) in step_back.iter().enumerate() {
-                if v > tol::MULTIPLIER && active.u[j] / v < partial.0 {
-                    partial = (active.u[j] / v, j);
+            let (mut partial, mut blocking) = (f64::INFINITY, usize::MAX);
+            for j in 0..k {
+                if work.back[j] > tol::MULTIPLIER && work.u[j] / work.back[j] < partial {
+                    (partial, blocking) = (work.u[j] / work.back[j], j);
                 }
             }
-            let ratio = length.sqrt() / norms[row];
-            let dependent = ratio <= tol::DEPENDENT.0;
+            let ratio = length.sqrt() / norm;
+            let dependent = k == self.rows.r || ratio <= tol::DEPENDENT.0;
             if !dependent && ratio < tol::DEPENDENT.1 {
+                return Some(Outcome::Uncertain);
+            }
+            let full = if dependent { f64::INFINITY } else { (missing - dot(work.n, work.t)) / length };
+            if partial.is_infinite() && full.is_infinite() {
+                // n = N v with v ≤ 0: no t has Nᵀt ≥ b and nᵀt ≥ b_n unless b_n ≤ vᵀb
+                let gap = missing - dot(&work.back[..k], &work.b[..k]);
+                let certain = gap > tol::INFEASIBLE;
+                return Some(if certain { Outcome::Infeasible(*changes) } else { Outcome::Uncertain });
+            }
+            let step = partial.min(full);
+            if full <= partial {
+                work.append(k, length);
+                work.b[k] = missing;
+                sides.push(side);
+                work.point(k + 1);
                 return None;
             }
-            let missing = bound((row, sign)) - sign * image_at(A, row, &t);
-            let full = if dependent { f64::INFINITY } else { missing / length };
-            if partial.0.is_infinite() && full.is_infinite() {
-                // n = N v with v ≤ 0: no t has N ᵀt ≥ b and nᵀt ≥ b_n unless b_n ≤ vᵀb
-                let reach: f64 = step_back.iter().zip(&active.sides).map(|(v, &side)| v * bound(side)).sum();
-                let gap = bound((row, sign)) - reach;
-                return (gap > tol::INFEASIBLE * norms[row]).then_some(Outcome::Infeasible(changes));
-            }
-            let step = partial.0.min(full);
-            active.u.iter_mut().zip(&step_back).for_each(|(u, v)| *u = (*u - step * v).max(0.0));
-            u += step;
+            work.u[..k].iter_mut().zip(&*work.back).for_each(|(u, v)| *u = (*u - step * v).max(0.0));
             if !dependent {
-                t.iter_mut().zip(&z).for_each(|(t, z)| *t += step * z);
-                for (j, z) in z.iter().enumerate() {
-                    image.iter_mut().zip(A.col(j).iter()).for_each(|(w, a)| *w += step * z * a);
+                axpy(step, &work.rest[..work.stride], work.t);
+            }
+            work.drop(blocking, sides);
+            *rotated = true;
+        }
+    }
+
+    /// Q and R of the sides in their order; false if they are dependent.
+    #[inline(always)]
+    fn refactor(&self, sides: &[Side], work: &mut Work<'_>) -> bool {
+        for (k, &side) in sides.iter().enumerate() {
+            self.normal(side, work);
+            let norm = dot(work.n, work.n);
+            let length = work.split(k);
+            if k >= self.rows.r || length.sqrt() < tol::DEPENDENT.0 * norm.sqrt() {
+                return false;
+            }
+            work.append(k, length);
+        }
+        true
+    }
+
+    /// The outward unit normal of a side, in the coordinates of t.
+    #[inline(always)]
+    fn normal(&self, side: Side, work: &mut Work<'_>) {
+        work.n.iter_mut().zip(self.rows.normal(side.row)).for_each(|(n, a)| *n = side.sign * a);
+        if let Some(L) = self.metric {
+            for i in 0..self.rows.r {
+                let row = &L[i * work.stride..(i + 1) * work.stride];
+                work.n[i] = (work.n[i] - dot(&row[..i], &work.n[..i])) / row[i];
+            }
+        }
+    }
+
+    /// How far z* is from a side's bound, along its unit normal.
+    #[inline(always)]
+    fn missing_to(&self, Side { row, sign }: Side) -> f64 {
+        let along = dot(self.rows.normal(row), &self.free[..self.rows.stride]);
+        sign * ((self.bound(Side { row, sign }) - self.rows.offset[row]) * self.rows.inverse[row] - along)
+    }
+
+    #[inline(always)]
+    fn bound(&self, side: Side) -> f64 {
+        if side.sign > 0.0 { self.lo[side.row] } else { self.hi[side.row] }
+    }
+
+    #[inline(always)]
+    fn missing(&self, sides: &[Side], work: &mut Work<'_>) {
+        sides.iter().zip(&mut *work.b).for_each(|(&side, b)| *b = self.missing_to(side));
+    }
+
+    /// z = z* + t (L⁻ᵀt) and its window.
+    #[inline(always)]
+    fn reconstruct(&self, work: &mut Work<'_>, z: &mut [f64], w: &mut [f64]) {
+        let (r, s) = (self.rows.r, work.stride);
+        work.back[..r].copy_from_slice(&work.t[..r]);
+        if let Some(L) = self.metric {
+            solve_transposed(L, &mut work.back[..r], s);
+        }
+        for ((z, free), t) in z[..r].iter_mut().zip(self.free).zip(&*work.back) {
+            *z = free + t;
+        }
+        (self.window)(&z[..r], w);
+    }
+
+    /// Whether every row is inside its bounds and every multiplier has its sign.
+    #[inline(always)]
+    fn verified(&self, k: usize, work: &Work<'_>, w: &[f64]) -> bool {
+        let size = dot(work.t, work.t).sqrt().max(1.0);
+        let u = &work.u[..k];
+        let signs = u.iter().all(|&u| u >= -tol::WRONG_SIGN * size);
+        // t = N u only up to rounding of that sum, and by so much t may miss the minimiser
+        let accurate = u.iter().map(|u| u.abs()).sum::<f64>() <= tol::MULTIPLIERS * size;
+        let inside = |i: usize| {
+            let slack = tol::ACTIVE_SET * self.rows.unit[i];
+            w[i] >= self.lo[i] - slack && w[i] <= self.hi[i] + slack
+        };
+        signs && accurate && (0..self.rows.len()).all(inside)
+    }
+}
+
+/// x ← L⁻ᵀ x, L by rows of `stride` numbers.
+#[inline(always)]
+pub(crate) fn solve_transposed(L: &[f64], x: &mut [f64], stride: usize) {
+    for i in (0..x.len()).rev() {
+        let row = &L[i * stride..i * stride + i + 1];
+        x[i] /= row[i];
+        let value = x[i];
+        axpy(-value, &row[..i], &mut x[..i]);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::qp::{self, Status};
+    use faer::Mat;
+    use rand::{RngExt, SeedableRng};
+    use rand_chacha::ChaCha8Rng;
+
+    const INF: f64 = f64::INFINITY;
+
+    /// The method with its memory, about z* = 0 and with windows A z.
+    struct Solver {
+        A: Mat<f64>,
+        rows: Rows,
+        kept: Kept,
+        memory: Vec<f64>,
+    }
+
+    impl Solver {
+        fn new(A: &Mat<f64>) -> Self {
+            let len = padded(A.nrows());
+            let all = Mat::from_fn(len, A.ncols(), |i, j| if i < A.nrows() { A[(i, j)] } else { 0.0 });
+            Solver {
+                rows: Rows::new(all.as_ref(), vec![0.0; len], vec![1.0; len]),
+                kept: Kept::default(),
+                memory: vec![0.0; work_len(A.ncols())],
+                A: all,
+            }
+        }
+
+        fn solve(&mut self, lo: &[f64], hi: &[f64]) -> (Outcome, Vec<f64>) {
+            let (len, r) = (self.A.nrows(), self.A.ncols());
+            let (mut lo, mut hi) = (lo.to_vec(), hi.to_vec());
+            lo.resize(len, -INF);
+            hi.resize(len, INF);
+            let window = |z: &[f64], w: &mut [f64]| {
+                (0..len).for_each(|i| w[i] = (0..r).map(|j| self.A[(i, j)] * z[j]).sum());
+            };
+            let free = vec![0.0; padded(r)];
+            let (mut z, mut w) = (vec![0.0; padded(r)], vec![0.0; len]);
+            let problem = Problem { rows: &self.rows, lo: &lo, hi: &hi, free: &free, metric: None, window };
+            let outcome = problem.solve(&mut self.kept, &mut self.memory, &mut z, &mut w);
+            z.truncate(r);
+            (outcome, z)
+        }
+    }
+
+    fn solve(rows: &[[f64; 2]], lo: &[f64], hi: &[f64]) -> (Outcome, Vec<f64>) {
+        Solver::new(&Mat::from_fn(rows.len(), 2, |i, j| rows[i][j])).solve(lo, hi)
+    }
+
+    fn close((outcome, z): (Outcome, Vec<f64>), expected: [f64; 2]) -> bool {
+        matches!(outcome, Outcome::Optimal(_)) && z.iter().zip(expected).all(|(z, e)| (z - e).abs() < 1e-12)
+    }
+
+    #[test]
+    fn the_origin_is_the_answer_when_it_is_inside() {
+        assert!(close(solve(&[[1.0, 0.0], [1.0, 2.0]], &[-1.0, -INF], &[1.0, 3.0]), [0.0, 0.0]));
+    }
+
+    #[test]
+    fn projections_that_can_be_done_by_hand() {
+        // onto x ≥ 1; onto the line x + y = 2; onto the corner of x ≥ 1, y ≥ 2
+        assert!(close(solve(&[[1.0, 0.0]], &[1.0], &[INF]), [1.0, 0.0]));
+        assert!(close(solve(&[[1.0, 1.0]], &[2.0], &[2.0]), [1.0, 1.0]));
+        assert!(close(solve(&[[1.0, 0.0], [0.0, 1.0]], &[1.0, 2.0], &[INF, INF]), [1.0, 2.0]));
+    }
+
+    #[test]
+    fn redundant_and_repeated_rows_do_no_harm() {
+        assert!(close(solve(&[[1.0, 0.0], [1.0, 0.0], [2.0, 0.0]], &[1.0, 1.0, 2.0], &[INF, 3.0, INF]), [1.0, 0.0]));
+    }
+
+    #[test]
+    fn contradicting_bounds_are_infeasible() {
+        let (outcome, _) = solve(&[[1.0, 0.0], [1.0, 0.0]], &[1.0, -INF], &[INF, 0.0]);
+        assert!(matches!(outcome, Outcome::Infeasible(_)));
+    }
+
+    /// Random windows with redundant, equal, opposite and nearly parallel rows, bounds that touch, and contradictions.
+    /// The last number is the closest that two rows come to being parallel without being so: rounding of the data moves the
+    /// answer by its inverse.
+    fn random_problem(rng: &mut ChaCha8Rng) -> (Mat<f64>, Vec<f64>, f64) {
+        let mut closest = 1.0_f64;
+        let (rows, r) = (rng.random_range(1..40), rng.random_range(1..12));
+        let mut A = Mat::from_fn(rows, r, |_, _| rng.random_range(-1.0..1.0_f64));
+        let inside: Vec<f64> = (0..r).map(|_| rng.random_range(-2.0..2.0)).collect();
+        for i in 1..rows {
+            let other = rng.random_range(0..i);
+            let (scale, off): (f64, f64) = match rng.random_range(0..16) {
+                0 => (1.0, 0.0),
+                1 => (-2.0, 0.0),
+                2 if rng.random_bool(0.2) => (1.0, 1e-8),
+                2 => (1.0, 1e-4),
+                3 => (0.0, 0.0),
+                _ => continue,
+            };
+            closest = closest.min(if off > 0.0 { off } else { 1.0 });
+            (0..r).for_each(|j| A[(i, j)] = scale * A[(other, j)] + off * rng.random_range(-1.0..1.0));
+        }
+        (A, inside, closest)
+    }
+
+    /// Bounds about a point: some touch, and sometimes they contradict each other.
+    fn random_bounds(rng: &mut ChaCha8Rng, A: &Mat<f64>, inside: &[f64]) -> (Vec<f64>, Vec<f64>) {
+        let rows = A.nrows();
+        let (mut lo, mut hi) = (vec![-INF; rows], vec![INF; rows]);
+        let contradiction = rng.random_bool(0.1);
+        for i in 0..rows {
+            let w: f64 = (0..A.ncols()).map(|j| A[(i, j)] * inside[j]).sum();
+            let shift = if contradiction && rng.random_bool(0.2) { 1.5 } else { 0.0 };
+            match rng.random_range(0..6) {
+                0 => (lo[i], hi[i]) = (w + shift, w + shift), // touch
+                1 => lo[i] = w + shift - rng.random_range(0.0..0.3),
+                2 => hi[i] = w - shift + rng.random_range(0.0..0.3),
+                3 => {}
+                _ => (lo[i], hi[i]) = (w + shift - rng.random_range(0.0..0.5), w + shift + rng.random_range(0.0..0.5)),
+            }
+        }
+        (lo, hi)
+    }
+
+    #[test]
+    fn warm_or_cold_it_gives_the_interior_point_s_answer() {
+        let mut rng = ChaCha8Rng::seed_from_u64(0);
+        let (mut optimal, mut infeasible, mut left, mut kept, mut refuted) = (0, 0, 0, 0, 0);
+        for k in 0..25_000 {
+            let (A, mut inside, closest) = random_problem(&mut rng);
+            let mut warm = Solver::new(&A);
+            for _ in 0..4 {
+                let (lo, hi) = random_bounds(&mut rng, &A, &inside);
+                inside.iter_mut().for_each(|v| *v += rng.random_range(-0.1..0.1));
+                let reference = qp::interior_point(A.as_ref(), &lo, &hi);
+                kept += usize::from(!warm.kept.sides.is_empty());
+                for (outcome, z) in [warm.solve(&lo, &hi), Solver::new(&A).solve(&lo, &hi)] {
+                    match outcome {
+                        Outcome::Optimal(_) => {
+                            let excess = |i: usize| {
+                                let w: f64 = (0..z.len()).map(|j| A[(i, j)] * z[j]).sum();
+                                (lo[i] - w).max(w - hi[i])
+                            };
+                            assert!((0..A.nrows()).all(|i| excess(i) < 1e-9), "{k}");
+                            if reference.status == Status::Optimal {
+                                let size = z.iter().fold(1.0_f64, |m, v| m.max(v.abs()));
+                                let off = z.iter().zip(&reference.t).fold(0.0_f64, |m, (a, b)| m.max((a - b).abs()));
+                                assert!(closest < 1e-6 || off <= 1e-9 * size, "{k}: {off:e}");
+                            }
+                            // with a point in hand that satisfies all bounds, the reference is wrong: seen far from z*
+                            refuted += usize::from(reference.status == Status::Infeasible);
+                            optimal += 1;
+                        }
+                        Outcome::Infeasible(_) => {
+                            // "almost optimal" is what the reference calls points that miss such bounds by 1 and more
+                            assert_ne!(reference.status, Status::Optimal, "{k}");
+                            infeasible += 1;
+                        }
+                        Outcome::Uncertain => left += 1,
+                    }
                 }
             }
-            if full <= partial.0 {
-                active.add((row, sign), u, &d, &z);
-                break;
+        }
+        // it must do nearly all of the work, from kept bounds as well, and see contradictions
+        assert!(optimal > 180_000 && infeasible > 10_000 && kept > 50_000, "{optimal} {infeasible} {kept}");
+        assert!(left < 2000 && refuted < 5, "{left} {refuted}");
+    }
+
+    #[test]
+    fn an_answer_depends_on_the_kept_list_alone() {
+        let mut rng = ChaCha8Rng::seed_from_u64(1);
+        for k in 0..300 {
+            let (A, mut inside, _) = random_problem(&mut rng);
+            let mut running = Solver::new(&A);
+            for _ in 0..20 {
+                let (lo, hi) = random_bounds(&mut rng, &A, &inside);
+                inside.iter_mut().for_each(|v| *v += rng.random_range(-0.05..0.05));
+                let mut restored = Solver::new(&A);
+                restored.kept = Kept::new(running.kept.sides.clone());
+                let (found, again) = (running.solve(&lo, &hi), restored.solve(&lo, &hi));
+                assert!(found.0 == again.0 && (found.1 == again.1 || !matches!(found.0, Outcome::Optimal(_))), "{k}");
+                assert_eq!(running.kept.sides, restored.kept.sides);
             }
-            active.drop(partial.1);
         }
     }
-}
-
-fn image_at(A: MatRef<'_, f64>, row: usize, t: &[f64]) -> f64 {
-    t.iter().enumerate().map(|(j, t)| A[(row, j)] * t).sum()
-}
-
-/// The side that is violated most in units of its row's length, if any by more than the tolerance.
-fn worst(norms: &[f64], image: &[f64], lo: &[f64], hi: &[f64]) -> Option<(usize, f64)> {
-    let mut found = (0.0, None);
-    for (row, ((&w, &norm), (&l, &h))) in image.iter().zip(norms).zip(lo.iter().zip(hi)).enumerate() {
-        let (below, above) = (l - w, w - h);
-        let excess = below.max(above);
-        if excess > tol::VIOLATED && excess > found.0 * norm.max(f64::MIN_POSITIVE) {
-            found = (excess / norm.max(f64::MIN_POSITIVE), Some((row, if below >= above { 1.0 } else { -1.0 })));
-        }
-    }
-    found.1
-}
-
-/// t = N (NᵀN)⁻¹ b from the active sides in the order of their rows, if it satisfies every row and every multiplier its sign.
-fn verified(A: MatRef<'_, f64>, norms: &[f64], lo: &[f64], hi: &[f64], found: &Active) -> Option<Vec<f64>> {
-    let r = found.r;
-    let mut sides = found.sides.clone();
-    sides.sort_unstable_by_key(|side| side.0);
-    let mut active = Active::new(r);
-    for &(row, sign) in &sides {
-        let n: Vec<f64> = (0..r).map(|j| sign * A[(row, j)]).collect();
-        let (d, z) = active.split(&n);
-        if dot(&z, &z).sqrt() < tol::DEPENDENT.0 * norms[row] {
-            return None;
-        }
-        active.add((row, sign), 0.0, &d, &z);
-    }
-    let b: Vec<f64> = sides.iter().map(|&(row, sign)| if sign > 0.0 { lo[row] } else { -hi[row] }).collect();
-    let weights = active.forward(&b);
-    let multipliers = active.back(&weights);
-    let mut t = vec![0.0; r];
-    for (j, w) in weights.iter().enumerate() {
-        t.iter_mut().zip(active.column(j)).for_each(|(t, q)| *t += w * q);
-    }
-    // a row whose multiplier has the wrong sign would, dropped, move t by at most |u| times its length
-    let size = dot(&t, &t).sqrt().max(1.0);
-    if multipliers.iter().zip(&sides).any(|(u, side)| u * norms[side.0] < -tol::WRONG_SIGN * size) {
-        return None;
-    }
-    let inside = |row: usize| {
-        let w = image_at(A, row, &t);
-        w >= lo[row] - tol::ACTIVE_SET && w <= hi[row] + tol::ACTIVE_SET
-    };
-    (0..A.nrows()).all(inside).then_some(t)
-}
-
-/// Lengths of the rows of A.
-pub(crate) fn norms(A: &Mat<f64>) -> Vec<f64> {
-    (0..A.nrows()).map(|i| (0..A.ncols()).map(|j| A[(i, j)].powi(2)).sum::<f64>().sqrt()).collect()
 }

@@ -199,6 +199,7 @@ pub(crate) fn norm(U: &Mat<f64>, x: &[f64]) -> f64 {
 }
 
 /// The running error bound of one estimator.
+#[derive(Clone)]
 pub(crate) struct ErrorBound {
     n: usize,
     p: usize,
@@ -260,17 +261,28 @@ impl ErrorBound {
         self.errors.remove(0);
     }
 
-    /// The bound on ‖x̂(t) - x(t)‖ from the window x̂(·|t) ((m+1)·n), its outputs (m·p, NaN where not measured) with
-    /// their fitted noise, and the past estimates of the same times (m·n, the prior first), all in the user's units.
-    pub fn advance(&mut self, window: &[f64], outputs: &[f64], v_hat: &[f64], past: &[f64]) -> f64 {
+    /// The bound on ‖x̂(t) - x(t)‖ from the window x̂(·|t) ((m+1)·n), its outputs by entry with their fitted noise (m·p, NaN
+    /// where not measured), and the past estimates of the same times by entry (the prior first), all in the user's units.
+    pub fn advance(
+        &mut self,
+        window: &[f64],
+        output: impl Fn(usize) -> f64,
+        v_hat: &[f64],
+        past: impl Fn(usize) -> f64,
+    ) -> f64 {
         let (n, p) = (self.n, self.p);
-        let m = outputs.len() / p;
         let mut s = f64::INFINITY;
-        for k in 0..m {
-            let moved: Vec<f64> = (k * n..(k + 1) * n).map(|i| window[i] - past[i]).collect();
+        for k in 0..v_hat.len() / p {
+            let moved: Vec<f64> = (k * n..(k + 1) * n).map(|i| window[i] - past(i)).collect();
             s = s.min(norm(&self.U_P, &moved) + self.errors[k]);
-            let (y, v) = (&outputs[k * p..(k + 1) * p], &v_hat[k * p..(k + 1) * p]);
-            s = self.across(&window[k * n..(k + 1) * n], &window[(k + 1) * n..(k + 2) * n], y, v, s);
+            let y: Vec<f64> = (k * p..(k + 1) * p).map(&output).collect();
+            s = self.across(
+                &window[k * n..(k + 1) * n],
+                &window[(k + 1) * n..(k + 2) * n],
+                &y,
+                &v_hat[k * p..(k + 1) * p],
+                s,
+            );
         }
         self.errors.push(s);
         self.euclidean * s

@@ -19,7 +19,7 @@ pub struct Estimate {
     pub status: Status,
     /// Number of bounds that the window touches.
     pub active: usize,
-    /// Changes of the active set (or iterations of the interior-point solver, where that decided); 0: closed form.
+    /// Changes of the active set since the last step (or iterations of the interior-point solver, where that decided).
     pub iterations: u32,
 }
 

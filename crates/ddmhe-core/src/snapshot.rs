@@ -3,6 +3,7 @@
 //! A snapshot holds the recording, the configuration and the window; everything computed from them is computed
 //! again on [`DdMhe::restore`], so that a restored estimator continues with the same numbers.
 
+use crate::active_set::Side;
 use crate::config::Config;
 use crate::error::Error;
 use crate::history::History;
@@ -10,7 +11,7 @@ use crate::mhe::DdMhe;
 use serde::{Deserialize, Serialize};
 
 /// First bytes of every snapshot: name and format version.
-const MAGIC: &[u8; 8] = b"ddmhe\0\0\x02";
+const MAGIC: &[u8; 8] = b"ddmhe\0\0\x03";
 
 #[derive(Serialize, Deserialize)]
 struct Snapshot {
@@ -19,6 +20,7 @@ struct Snapshot {
     outputs: Vec<f64>,
     states: Vec<f64>,
     bounds: Vec<f64>,
+    active: Vec<Side>,
     t: usize,
 }
 
@@ -32,6 +34,7 @@ impl DdMhe {
             outputs: outputs.to_vec(),
             states: states.to_vec(),
             bounds: self.bounds().to_vec(),
+            active: self.active_bounds().to_vec(),
             t: self.t(),
         };
         // Writing plain numbers to memory cannot fail.
@@ -49,7 +52,7 @@ impl DdMhe {
         let snapshot: Snapshot = postcard::from_bytes(body).map_err(|_| Error::value("blob", expected, found()))?;
         let history = snapshot.history.revalidated()?;
         let mut mhe = DdMhe::new(&history, snapshot.config)?;
-        mhe.resume(snapshot.outputs, snapshot.states, snapshot.bounds, snapshot.t)?;
+        mhe.resume((&snapshot.outputs, &snapshot.states), snapshot.bounds, snapshot.active, snapshot.t)?;
         Ok(mhe)
     }
 }

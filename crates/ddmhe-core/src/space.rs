@@ -91,8 +91,8 @@ pub struct Scaling {
     pub s_x: f64,
     /// Pooled standard deviation of the output channels (1 when the output never moved).
     pub s_y: f64,
-    mean_x: Vec<f64>,
-    mean_y: Vec<f64>,
+    pub(crate) mean_x: Vec<f64>,
+    pub(crate) mean_y: Vec<f64>,
 }
 
 impl Scaling {
@@ -113,10 +113,21 @@ impl Scaling {
     }
 
     /// One sample (x, y), or x alone with an empty y, as scaled deviations from the channel means.
-    fn deviations(&self, x: &[f64], y: &[f64]) -> impl Iterator<Item = f64> {
+    #[inline]
+    pub(crate) fn deviations(&self, x: &[f64], y: &[f64]) -> impl Iterator<Item = f64> {
         let x = x.iter().zip(&self.mean_x).map(|(v, m)| (v - m) / self.s_x);
         let y = y.iter().zip(&self.mean_y).map(|(v, m)| (v - m) / self.s_y);
         x.chain(y)
+    }
+
+    /// The state of channel i in the user's units, from a scaled deviation.
+    pub(crate) fn state(&self, i: usize, deviation: f64) -> f64 {
+        deviation * self.s_x + self.mean_x[i]
+    }
+
+    /// Entry k of an output window in the user's units, from a scaled deviation.
+    pub(crate) fn output(&self, k: usize, deviation: f64) -> f64 {
+        deviation * self.s_y + self.mean_y[k % self.mean_y.len()]
     }
 
     /// The channel means of one sample (x, y), scaled.

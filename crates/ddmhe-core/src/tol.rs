@@ -52,6 +52,14 @@ pub const MULTIPLIER: f64 = 1e-12;
 /// Contradicting rows are reported as infeasible when they miss each other by this much, in standard deviations.
 pub const INFEASIBLE: f64 = 1e-7;
 
-/// An active row whose multiplier has the wrong sign is let pass if dropping it would move t by less than this, relative to
-/// t. (Multipliers themselves say nothing: those of two nearly parallel rows are as large as the rows are close.)
+/// An active row whose multiplier u has the wrong sign is let pass if |u|, the most that t would move without that row, is below
+/// this, relative to t.
 pub const WRONG_SIGN: f64 = 1e-11;
+
+/// Largest sum of multipliers, relative to t, at which the active-set method trusts its answer: of nearly parallel active rows they
+/// are as large as the rows are close, and t, their sum, is rounded in proportion.
+pub const MULTIPLIERS: f64 = 1e5;
+
+/// Smallest pivot of the Hessian without the missing outputs, relative to 1 with all of them, that is trusted: what is left has
+/// lost six of sixteen digits to cancellation. Below it the problem is factored anew.
+pub const DOWNDATE: f64 = 1e-6;

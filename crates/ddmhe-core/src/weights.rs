@@ -4,7 +4,7 @@ use crate::certificate::{Certificate, factor, norm};
 use crate::config::Config;
 use crate::defaults::Defaults;
 use crate::error::Error;
-use faer::linalg::solvers::DenseSolveCore;
+use crate::panels::dot;
 use faer::{Mat, Side};
 use std::borrow::Cow;
 
@@ -59,20 +59,41 @@ impl Weights {
         self.factor(measured).as_ref() * faer::Scale(self.rho.powi(age as i32 - 1).sqrt())
     }
 
-    /// U with UᵀU the weight of one sample. A channel that was not measured is free to be anything: what is left for the others
-    /// is the Schur complement of its block.
+    /// The weight R of one sample (p × p, by rows, into `out`) without the channels that were not measured: these are free to be
+    /// anything, so what is left for the others is the Schur complement of their block, and zeros.
+    pub fn reduced(&self, measured: impl Fn(usize) -> bool, out: &mut [f64]) {
+        let p = self.R.nrows();
+        out.iter_mut().enumerate().for_each(|(k, r)| *r = self.R[(k / p, k % p)]);
+        for q in (0..p).filter(|&q| !measured(q)) {
+            let pivot = out[q * p + q];
+            for i in (0..p).filter(|&i| i != q) {
+                let part = out[i * p + q] / pivot;
+                (0..p).for_each(|j| out[i * p + j] -= part * out[q * p + j]);
+            }
+            (0..p).for_each(|i| (out[i * p + q], out[q * p + i]) = (0.0, 0.0));
+        }
+    }
+
+    /// What the weight of y(t-j), j = `age`, loses (p × p, by rows, into `out`) with the channels that were not measured.
+    pub fn lost(&self, age: usize, measured: impl Fn(usize) -> bool, out: &mut [f64]) {
+        let (p, discount) = (self.R.nrows(), self.rho.powi(age as i32 - 1));
+        self.reduced(measured, out);
+        out.iter_mut().enumerate().for_each(|(k, r)| *r = discount * (self.R[(k / p, k % p)] - *r));
+    }
+
+    /// U with UᵀU the weight of one sample, [`reduced`](Self::reduced) to what was measured.
     fn factor(&self, measured: &[bool]) -> Cow<'_, Mat<f64>> {
         if measured.iter().all(|&m| m) {
             return Cow::Borrowed(&self.noise);
         }
         let p = measured.len();
+        let mut R = vec![0.0; p * p];
+        self.reduced(|i| measured[i], &mut R);
         let seen: Vec<usize> = (0..p).filter(|&i| measured[i]).collect();
-        // The inverse of a Schur complement is a block of the inverse.
-        let block = |M: &Mat<f64>| Mat::from_fn(seen.len(), seen.len(), |i, j| M[(seen[i], seen[j])]);
-        let marginal = self.R.llt(Side::Lower).and_then(|R| block(&R.inverse()).llt(Side::Lower)).map(|S| S.inverse());
+        let block = Mat::from_fn(seen.len(), seen.len(), |i, j| R[seen[i] * p + seen[j]]);
         let mut U = Mat::zeros(p, p);
         // R was factored at construction, so that no factorisation fails here.
-        if let Ok(S) = marginal.and_then(|S| S.llt(Side::Lower)) {
+        if let Ok(S) = block.llt(Side::Lower) {
             for j in 0..seen.len() {
                 (0..=j).for_each(|i| U[(seen[i], seen[j])] = S.L()[(j, i)]);
             }
@@ -80,46 +101,28 @@ impl Weights {
         Cow::Owned(U)
     }
 
-    /// The cost (17), in units of s_x², of a window's first state against its prior and of its fitted noise (m·p, time-major,
-    /// NaN where not measured).
-    pub fn cost(&self, x_0: impl Iterator<Item = f64>, prior: &[f64], v: impl Iterator<Item = f64>) -> f64 {
+    /// μ ρ^{j-1} of (17) times a unit for each entry of an output window, oldest first; None with a certificate's matrices.
+    pub fn scalar_noise(&self, depth: usize, unit: f64) -> Option<Vec<f64>> {
         let p = self.R.nrows();
-        if self.plain {
-            // P = I, R = μI: what was not measured counts nothing
-            let moved: f64 = x_0.zip(prior).map(|(x, x_bar)| (x - x_bar).powi(2)).sum();
-            let (mut noise, mut sample, mut seen, mut discount) = (0.0, 0.0, 0, 2.0);
-            for value in v {
-                sample += if value.is_finite() { value * value } else { 0.0 };
-                seen += 1;
-                if seen == p {
-                    noise = self.rho * noise + sample;
-                    discount *= self.rho;
-                    (sample, seen) = (0.0, 0);
-                }
-            }
-            return discount * moved + self.R[(0, 0)] * noise;
-        }
-        let moved: Vec<f64> = x_0.zip(prior).map(|(x, x_bar)| x - x_bar).collect();
-        let mut sample = Vec::with_capacity(p);
-        let (mut noise, mut depth) = (0.0, 0);
-        for value in v {
-            sample.push(value);
-            if sample.len() == p {
-                noise = self.rho * noise + self.squared(&mut sample);
-                sample.clear();
-                depth += 1;
-            }
-        }
-        2.0 * self.rho.powi(depth) * norm(&self.prior, &moved).powi(2) + noise
+        let weight = |row: usize| self.R[(0, 0)] * self.rho.powi((depth - 1 - row / p) as i32) * unit;
+        self.plain.then(|| (0..depth * p).map(weight).collect())
     }
 
-    /// ‖v‖²_R of one sample; overwrites what was not measured.
-    fn squared(&self, v: &mut [f64]) -> f64 {
-        if v.iter().all(|v| v.is_finite()) {
-            return norm(&self.noise, v).powi(2);
-        }
-        let measured: Vec<bool> = v.iter().map(|v| v.is_finite()).collect();
-        v.iter_mut().filter(|v| !v.is_finite()).for_each(|v| *v = 0.0);
-        norm(&self.factor(&measured), v).powi(2)
+    /// ‖moved‖²_P.
+    #[inline(always)]
+    pub fn prior_size(&self, moved: &[f64]) -> f64 {
+        if self.plain { dot(moved, moved) } else { norm(&self.prior, moved).powi(2) }
+    }
+
+    /// The second term of (17) for a certificate's R, of the fitted noise v (m·p, time-major, NaN where not measured), in units of
+    /// s_x²; `block` is room for p × p numbers.
+    pub fn noise_cost(&self, v: &[f64], block: &mut [f64]) -> f64 {
+        let p = self.R.nrows();
+        v.chunks_exact(p).fold(0.0, |sum, v| {
+            self.reduced(|i| v[i].is_finite(), block);
+            let known = |i: usize| if v[i].is_finite() { v[i] } else { 0.0 };
+            let row = |i: usize| (0..p).map(|j| block[i * p + j] * known(j)).sum::<f64>();
+            self.rho * sum + (0..p).map(|i| known(i) * row(i)).sum::<f64>()
+        })
     }
 }

@@ -1,283 +1,463 @@
-//! The optimisation (16), (17) over the windows of one depth, reduced and factored.
+//! The optimisation (16), (17) over the windows of one depth, reduced, factored and laid out for speed.
 //!
-//! With the space w = c + B b of [`space`], everything in scaled units, and F the rows of B that the
+//! With the space w = c + B b of [`space`](crate::space), everything in scaled units, and F the rows of B that the
 //! cost (17) sees (x(0) and all y), each times the square root of its weight,
 //!
 //! > minimise ‖F b - f‖² + λ‖b‖²,  f = weighted [x̄(t-m) - c_x(0);  y - c_y]
 //! > subject to  lo ≤ c + B b ≤ hi  (x rows: X of (16c);  y rows: y - V of (16d)).
 //!
-//! [F; √λ I] = Q R gives the unconstrained minimiser b* = K [x̄ - c_x(0); y - c_y] with a gain K known at construction.
-//! When it satisfies every bound it is the answer. Otherwise t = R (b - b*) turns the rest into the
-//! least-distance problem of [`qp`] with A = B R⁻¹.
+//! [F; √λ I] = Q R and z = R b turn the cost into ‖z - z*‖² + const. with z* = Q_Fᵀ f, and the window into c + A z with A = B R⁻¹. So a
+//! step is two products with matrices known at construction, z* = z_0 + K [x̄; y] and w = c + A z*: the answer, if w satisfies
+//! every bound. Otherwise the least-distance problem from z* to the bounds is solved by [`active_set`](crate::active_set).
+//!
+//! *Units.* Inputs x̄ and y are deviations from the recording's channel means in units of s_x and s_y, so that a large mean costs no
+//! digits. State rows of the window are in the user's units, output rows deviations like y.
+//!
+//! *Missing outputs.* Without the rows J of the cost the Hessian is I - Σ A_kᵀ D_k A_k over the samples k with a missing entry, D_k
+//! what their weight loses: an r × r matrix, factored at the step instead of the whole problem.
 
+use crate::active_set::{Kept, Outcome, Problem, Rows, Side, solve_transposed};
 use crate::config::Bounds;
-use crate::qp::{LeastDistance, Status};
+use crate::panels::{Panels, dot, margin, padded, vectorised, weighted_square};
+use crate::qp::{self, Status};
+use crate::reduction::{Reduced, Shape, reduce};
 use crate::space::{Scaling, TrajectorySpace};
 use crate::tol;
 use crate::weights::Weights;
 use faer::linalg::solvers::SvdError;
 use faer::{Mat, MatRef};
 
-/// Rows of the interleaved window: where x(k) and y(k) are.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct Rows {
-    pub n: usize,
-    pub p: usize,
-    pub depth: usize,
+/// What is bounded at every step, in the user's units.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Limits {
+    pub x: Option<Bounds>,
+    pub v: Option<Bounds>, // repeated for every sample of the deepest window
 }
 
-impl Rows {
-    pub fn x(self, k: usize) -> std::ops::Range<usize> {
-        let start = k * (self.n + self.p);
-        start..start + self.n
-    }
+/// One window's data.
+pub(crate) struct Data<'a> {
+    pub prior: &'a [f64],             // x̄ (n), deviations
+    pub outputs: &'a [f64],           // y (m·p), deviations, NaN where not measured
+    pub missing: bool,                // whether there is a NaN
+    pub x_bounds: Option<&'a Bounds>, // for this step alone
+}
 
-    pub fn y(self, k: usize) -> std::ops::Range<usize> {
-        let start = k * (self.n + self.p) + self.n;
-        start..start + self.p
-    }
+/// Numbers that a step works with, each for the deepest window and the highest rank.
+pub(crate) struct Scratch<'a> {
+    pub free: &'a mut [f64], // z*
+    pub z: &'a mut [f64],
+    pub window: &'a mut [f64], // the answer: states, padded, then outputs, padded
+    pub lo: &'a mut [f64],     // bounds in the same order
+    pub hi: &'a mut [f64],
+    pub outputs: &'a mut [f64], // y with numbers in the place of NaN
+    pub metric: &'a mut [f64],  // L with Hessian L Lᵀ, by rows
+    pub block: &'a mut [f64],   // p × p
+    pub moved: &'a mut [f64],   // n
+    pub work: &'a mut [f64],    // of the active-set method
+}
 
-    /// Rows that the cost sees, in the order of f: x(0), y(0), …, y(m-1).
-    pub fn seen(self) -> impl Iterator<Item = usize> {
-        self.x(0).chain((0..self.depth).flat_map(move |k| self.y(k)))
-    }
-
-    /// Number of rows d.
-    pub fn len(self) -> usize {
-        self.depth * (self.n + self.p) + self.n
-    }
-
-    /// Bounds on every row of the window, in scaled units, from boxes on the states (about `center`, if any) and on the noise of
-    /// the scaled `outputs`; into lo and hi.
-    pub fn limits(
-        self,
-        scaling: &Scaling,
-        (x, center): (Option<&Bounds>, Option<&[f64]>),
-        v: Option<&Bounds>,
-        outputs: &[f64],
-        (lo, hi): (&mut Vec<f64>, &mut Vec<f64>),
-    ) {
-        refill(lo, self.len(), f64::NEG_INFINITY);
-        refill(hi, self.len(), f64::INFINITY);
-        if let Some(bounds) = x {
-            let len = bounds.lo.len();
-            for (k, row) in (0..=self.depth).flat_map(|k| self.x(k)).enumerate() {
-                let offset = center.map_or(0.0, |c| c[row]);
-                lo[row] = offset + bounds.lo[k % len] / scaling.s_x;
-                hi[row] = offset + bounds.hi[k % len] / scaling.s_x;
-            }
-        }
-        if let Some(bounds) = v {
-            // v = y - ŷ in [lo, hi]  ⇔  ŷ in [y - hi, y - lo]
-            let measured =
-                (0..self.depth).flat_map(|k| self.y(k)).zip(outputs).enumerate().filter(|(_, (_, y))| y.is_finite());
-            for (k, (row, y)) in measured {
-                lo[row] = y - bounds.hi[k % self.p] / scaling.s_y;
-                hi[row] = y - bounds.lo[k % self.p] / scaling.s_y;
-            }
-        }
-    }
+/// How the answer of one window was found.
+#[derive(Debug, Clone, Copy, Default)]
+pub(crate) struct Found {
+    pub status: Status,
+    pub cost: f64, // (17)
+    pub active: usize,
+    pub iterations: u32,
 }
 
 /// Everything about one depth that depends only on the data.
 pub(crate) struct WindowProblem {
-    pub rows: Rows,
+    pub shape: Shape,
     pub space: TrajectorySpace,
-    gain: Mat<f64>,           // K: r × (n + m p)
-    center: Option<Mat<f64>>, // K_c: r × m p, x_c(t) of the experiment IV-A1
-    least_distance: LeastDistance,
-}
-
-/// Vectors that are kept from step to step, so that none is allocated.
-#[derive(Default)]
-pub(crate) struct Scratch {
-    pub f: Vec<f64>,      // prior and outputs
-    pub lo: Vec<f64>,     // d
-    pub hi: Vec<f64>,     // d
-    pub window: Vec<f64>, // d, the answer in scaled units
-    b: Vec<f64>,
-}
-
-/// How the answer of one window was found.
-pub(crate) struct Found {
-    pub status: Status,
-    pub active: usize,
-    pub iterations: u32,
+    prior_map: Mat<f64>,
+    made_for_pattern: bool, // of the outputs that one window has
+    z_0: Vec<f64>,
+    gain: Panels,                       // z* = z_0 + K [x̄; y]
+    states: Panels,                     // w = c + A z: state rows …
+    outputs: Panels,                    // … and output rows
+    rows: Rows,                         // c and A again, by rows
+    center: Option<(Vec<f64>, Panels)>, // z_c = z_c0 + K_c y
+    x_lo: Vec<f64>,
+    x_hi: Vec<f64>,
+    prior_weight: f64,       // 2ρ^m of (17) in the user's units
+    noise_weight: f64,       // of what a certificate's R gives, in the user's units
+    noise: Option<Vec<f64>>, // or scalar weights on each output, in the user's units
+    s_y: f64,
+    per_unit: (f64, f64), // 1 / s_x, 1 / s_y
+    mean_x: Vec<f64>,
 }
 
 impl WindowProblem {
     /// Factors the problem. `measured` (m·p, time-major) says which outputs exist; None: all of them.
     pub fn new(
-        rows: Rows,
+        shape: Shape,
         space: TrajectorySpace,
+        scaling: &Scaling,
         weights: &Weights,
-        centered: bool,
+        (x_bounds, centered): (Option<&Bounds>, bool),
         measured: Option<&[bool]>,
     ) -> Result<Self, SvdError> {
-        let Rows { n, p, depth, .. } = rows;
-        let all = vec![true; depth * p];
-        let measured = measured.unwrap_or(&all);
-        // √ of 2ρ^m P on the prior, of ρ^{j-1} R on y(t-j): the block of each sample with its first row in f
-        let mut blocks = vec![(0, weights.prior(depth))];
-        blocks.extend((0..depth).map(|k| (n + k * p, weights.noise(depth - k, &measured[k * p..(k + 1) * p]))));
-        let seen: Vec<usize> = rows.seen().collect();
-        let r = space.rank();
-        let basis = Mat::from_fn(seen.len(), r, |i, j| space.basis[(seen[i], j)]);
-        let mut F = Mat::zeros(seen.len(), r);
-        for (first, W) in &blocks {
-            F.subrows_mut(*first, W.nrows()).copy_from(W * basis.subrows(*first, W.nrows()));
-        }
-        let G = if space.lambda > 0.0 {
-            Mat::from_fn(r, r, |i, j| if i == j { space.lambda.sqrt() } else { 0.0 })
-        } else {
-            least_norm(F.as_ref(), &space)?
+        let Shape { n, p, depth } = shape;
+        let (s_x, s_y) = (scaling.s_x, scaling.s_y);
+        let Reduced { K, A, K_c } = reduce(shape, &space, weights, centered, measured)?;
+        let (x, y): (Vec<usize>, Vec<usize>) = (shape.states().collect(), shape.outputs().collect());
+
+        // mean window as deviations from the channel means
+        let c_x = |i: usize| space.mean[x[i]] - scaling.mean_x[i % n] / s_x;
+        let c_y = |i: usize| space.mean[y[i]] - scaling.mean_y[i % p] / s_y;
+        let c: Vec<f64> = (0..n).map(c_x).chain((0..y.len()).map(c_y)).collect();
+        let start = |K: MatRef<'_, f64>, c: &[f64]| {
+            let mut z = vec![0.0; padded(K.nrows())];
+            (0..K.nrows()).for_each(|i| z[i] = -c.iter().enumerate().map(|(j, c)| K[(i, j)] * c).sum::<f64>());
+            z
         };
-        let (K, R) = factor(F.as_ref(), G.as_ref());
-        let mut gain = Mat::zeros(r, seen.len());
-        for (first, W) in &blocks {
-            gain.subcols_mut(*first, W.nrows()).copy_from(K.subcols(*first, W.nrows()) * W);
-        }
 
-        // A = B R⁻¹, from Rᵀ Aᵀ = Bᵀ
-        let mut A_t = space.basis.transpose().to_owned();
-        R.transpose().solve_lower_triangular_in_place(A_t.as_mut());
-        let center =
-            if centered { Some(center_gain(&space, &seen[n..], weights.mu(), |i| measured[i])?) } else { None };
-        Ok(WindowProblem { rows, gain, center, least_distance: LeastDistance::new(A_t.transpose().to_owned()), space })
+        // window rows: states in the user's units, outputs as deviations, each group padded
+        let r = A.ncols();
+        let (first, len) = (padded(x.len()), padded(x.len()) + padded(y.len()));
+        let mut rows = Mat::zeros(len, r);
+        let (mut offset, mut unit) = (vec![0.0; len], vec![0.0; len]);
+        for i in 0..x.len() {
+            (0..r).for_each(|j| rows[(i, j)] = A[(x[i], j)] * s_x);
+            (offset[i], unit[i]) = (space.mean[x[i]] * s_x, s_x);
+        }
+        for i in 0..y.len() {
+            (0..r).for_each(|j| rows[(first + i, j)] = A[(y[i], j)]);
+            (offset[first + i], unit[first + i]) = (c_y(i), 1.0);
+        }
+        let unbounded =
+            |value: f64| (0..first).map(|i| if i < x.len() && x_bounds.is_some() { 0.0 } else { value }).collect();
+        let last: Vec<usize> = shape.x(depth).collect();
+        let mut problem = WindowProblem {
+            prior_map: Mat::from_fn(n, n, |i, j| (0..r).map(|k| A[(last[i], k)] * K[(k, j)]).sum()),
+            made_for_pattern: measured.is_some(),
+            z_0: start(K.as_ref(), &c),
+            gain: Panels::new(K.as_ref()),
+            center: K_c.map(|K_c| (start(K_c.as_ref(), &c[n..]), Panels::new(K_c.as_ref()))),
+            states: Panels::new(rows.subrows(0, first)),
+            outputs: Panels::new(rows.subrows(first, len - first)),
+            rows: Rows::new(rows.as_ref(), offset, unit),
+            x_lo: unbounded(f64::NEG_INFINITY),
+            x_hi: unbounded(f64::INFINITY),
+            prior_weight: 2.0 * weights.rho.powi(depth as i32) * s_x * s_x,
+            noise_weight: (s_x / s_y).powi(2),
+            noise: weights.scalar_noise(depth, (s_x / s_y).powi(2)),
+            s_y,
+            per_unit: (1.0 / s_x, 1.0 / s_y),
+            mean_x: scaling.mean_x.clone(),
+            shape,
+            space,
+        };
+        if let Some(bounds) = x_bounds {
+            let (mut lo, mut hi) = (std::mem::take(&mut problem.x_lo), std::mem::take(&mut problem.x_hi));
+            problem.add_box(bounds, &mut lo, &mut hi);
+            (problem.x_lo, problem.x_hi) = (lo, hi);
+        }
+        Ok(problem)
     }
 
-    /// K's block from the prior to x(m): the map x̄(t-m) → x̂(t) with y = 0 (n × n).
-    pub fn prior_to_estimate(&self) -> Mat<f64> {
-        let last = self.rows.x(self.rows.depth);
-        let n = self.rows.n;
-        self.space.basis.as_ref().subrows(last.start, n) * self.gain.as_ref().subcols(0, n)
+    /// Whether these can be active bounds of this problem.
+    pub fn allows(&self, sides: &[Side]) -> bool {
+        let known = |side: &Side| side.row < self.rows.len() && (side.sign == 1.0 || side.sign == -1.0);
+        sides.len() <= self.rank() && sides.iter().all(known)
     }
 
-    /// The whole window from coordinates b: c + B b.
-    fn reconstruct(&self, b: &[f64], window: &mut Vec<f64>) {
-        window.clone_from(&self.space.mean);
-        for (j, &b_j) in b.iter().enumerate() {
-            axpy(b_j, self.space.basis.col_as_slice(j), window);
+    /// Number of directions r.
+    pub fn rank(&self) -> usize {
+        self.rows.r()
+    }
+
+    /// The map x̄(t-m) → x̂(t) with y = 0 (n × n).
+    pub fn prior_to_estimate(&self) -> &Mat<f64> {
+        &self.prior_map
+    }
+
+    /// Adds the bounds on all states to what is in lo and hi.
+    #[inline(always)]
+    fn add_box(&self, bounds: &Bounds, lo: &mut [f64], hi: &mut [f64]) {
+        let len = bounds.lo.len();
+        for i in 0..(self.shape.depth + 1) * self.shape.n {
+            lo[i] += bounds.lo[i % len];
+            hi[i] += bounds.hi[i % len];
         }
     }
 
-    /// The unconstrained minimiser's window for f = [x̄; y] in scaled units; unmeasured y may be anything finite.
-    fn unconstrained(&self, f: &[f64], b: &mut Vec<f64>, window: &mut Vec<f64>) {
-        refill(b, self.space.rank(), 0.0);
-        for (k, (row, value)) in self.rows.seen().zip(f).enumerate() {
-            axpy(value - self.space.mean[row], self.gain.col_as_slice(k), b);
-        }
-        self.reconstruct(b, window);
+    /// Rows of the states, padded; the outputs follow.
+    #[inline(always)]
+    fn split(&self) -> usize {
+        self.x_lo.len()
     }
 
-    /// x_c(t): the window that the recording alone associates with these outputs (m·p, scaled). Only for a centred problem.
-    pub fn centre(&self, y: &[f64]) -> Option<Vec<f64>> {
-        let center = self.center.as_ref()?;
-        let mut b = vec![0.0; self.space.rank()];
-        for (k, (row, value)) in self.rows.seen().skip(self.rows.n).zip(y).enumerate() {
-            axpy(value - self.space.mean[row], center.col_as_slice(k), &mut b);
-        }
-        let mut window = Vec::new();
-        self.reconstruct(&b, &mut window);
-        Some(window)
+    /// c + A z.
+    #[inline(always)]
+    fn window(&self, z: &[f64], window: &mut [f64]) {
+        let (x, y) = window.split_at_mut(self.split());
+        let (c_x, c_y) = self.rows.offset().split_at(self.split());
+        self.states.tall(c_x, z, x);
+        self.outputs.tall(c_y, z, y);
     }
 
-    /// The minimiser for `scratch.f` into `scratch.window`; if `bounded`, subject to lo ≤ window ≤ hi of the scratch (d each, scaled,
-    /// infinite where there is no bound).
-    pub fn solve(&mut self, scratch: &mut Scratch, bounded: bool) -> Found {
-        let Scratch { f, lo, hi, window, b } = scratch;
-        self.unconstrained(f, b, window);
-        if !bounded {
-            return Found { status: Status::Optimal, active: 0, iterations: 0 };
+    /// z* for outputs without NaN.
+    #[inline(always)]
+    fn minimiser(&self, prior: &[f64], outputs: &[f64], z: &mut [f64]) {
+        self.gain.wide(&self.z_0, prior, outputs, z);
+    }
+
+    /// The minimiser's window into the scratch, and its fitted noise into v (m·p, the user's units). None where too little is left
+    /// of the cost without the missing outputs: the problem must then be made anew for what was measured.
+    pub fn solve(
+        &self,
+        weights: &Weights,
+        limits: &Limits,
+        data: &Data<'_>,
+        (kept, scratch): (&mut Kept, &mut Scratch<'_>),
+        v: &mut [f64],
+    ) -> Option<Found> {
+        vectorised(
+            #[inline(always)]
+            || {
+                let found = self.minimise(weights, limits, data, (kept, scratch), v)?;
+                Some(Found { cost: self.cost(weights, data, scratch, v), ..found })
+            },
+        )
+    }
+
+    #[inline(always)]
+    fn minimise(
+        &self,
+        weights: &Weights,
+        limits: &Limits,
+        data: &Data<'_>,
+        (kept, s): (&mut Kept, &mut Scratch<'_>),
+        v: &mut [f64],
+    ) -> Option<Found> {
+        let mut changed = false;
+        if data.missing {
+            kept.clear();
+            changed = self.without_missing(weights, data, s)?;
+        } else {
+            self.minimiser(data.prior, data.outputs, s.free);
         }
-        let inside = |(&w, (&l, &h)): (&f64, (&f64, &f64))| w >= l - tol::FEASIBLE && w <= h + tol::FEASIBLE;
-        let (mut status, mut iterations) = (Status::Optimal, 0);
-        if !window.iter().zip(lo.iter().zip(hi.iter())).all(inside) {
-            let below: Vec<f64> = lo.iter().zip(window.iter()).map(|(l, w)| l - w).collect();
-            let above: Vec<f64> = hi.iter().zip(window.iter()).map(|(h, w)| h - w).collect();
-            let solution = self.least_distance.solve(&below, &above);
-            (status, iterations) = (solution.status, solution.iterations);
-            for (j, &t_j) in solution.t.iter().enumerate() {
-                axpy(t_j, self.least_distance.matrix().col_as_slice(j), window);
+        let metric = if changed { Some(&*s.metric) } else { None };
+        let (free, rank) = (&*s.free, self.rank());
+        let found = |active: usize| Some(Found { active, ..Found::default() });
+
+        let box_x = data.x_bounds.or(limits.x.as_ref());
+        if kept.sides.is_empty() || (box_x.is_none() && limits.v.is_none()) {
+            self.window(&free[..rank], s.window);
+            self.residual(data.outputs, s.window, v);
+            if box_x.is_none() && limits.v.is_none() {
+                return found(0);
             }
         }
-        let touches = |w: f64, bound: f64| (w - bound).abs() <= tol::ACTIVE_SET;
-        let active = window
-            .iter()
-            .zip(lo.iter().zip(hi.iter()))
-            .filter(|&(&w, (&l, &h))| touches(w, l) || touches(w, h))
-            .count();
-        Found { status, active, iterations }
+        let split = self.split();
+        let own = match box_x {
+            Some(bounds) if data.x_bounds.is_some() || self.center.is_some() => {
+                self.box_of_this_step(bounds, s.outputs, data, s.z, (&mut s.lo[..split], &mut s.hi[..split]));
+                true
+            }
+            _ => false,
+        };
+        let mut room = f64::NEG_INFINITY;
+        if kept.sides.is_empty() {
+            let (lo, hi) = if own { (&s.lo[..split], &s.hi[..split]) } else { (&self.x_lo[..], &self.x_hi[..]) };
+            room = margin(&s.window[..split], lo, hi) * self.per_unit.0;
+            if let Some(Bounds { lo, hi }) = &limits.v {
+                let noise = margin(v, &lo[..v.len()], &hi[..v.len()]) * self.per_unit.1;
+                room = if noise < room { noise } else { room };
+            }
+            if room > tol::ACTIVE_SET {
+                return found(0);
+            }
+        }
+        if !own {
+            s.lo[..split].copy_from_slice(&self.x_lo);
+            s.hi[..split].copy_from_slice(&self.x_hi);
+        }
+        self.limits_of_outputs(limits, data.outputs, (&mut s.lo[split..], &mut s.hi[split..]));
+        let len = self.rows.len();
+        let (lo, hi) = (&s.lo[..len], &s.hi[..len]);
+        if room >= -tol::FEASIBLE {
+            return found(self.touched(s.window, lo, hi));
+        }
+        let problem =
+            Problem { rows: &self.rows, lo, hi, free, metric, window: |z: &[f64], w: &mut [f64]| self.window(z, w) };
+        let (status, iterations) = match problem.solve(kept, s.work, s.z, s.window) {
+            Outcome::Optimal(changes) => (Status::Optimal, changes),
+            Outcome::Infeasible(changes) => {
+                self.window(&free[..rank], s.window);
+                (Status::Infeasible, changes)
+            }
+            Outcome::Uncertain => self.interior_point(&problem, s.z, s.window),
+        };
+        self.residual(data.outputs, s.window, v);
+        Some(Found { status, active: self.touched(s.window, lo, hi), iterations, cost: 0.0 })
+    }
+
+    /// The cost (17) in the user's units.
+    #[inline(always)]
+    fn cost(&self, weights: &Weights, data: &Data<'_>, s: &mut Scratch<'_>, v: &[f64]) -> f64 {
+        let n = data.prior.len();
+        for i in 0..n {
+            s.moved[i] = (s.window[i] - self.mean_x[i]) * self.per_unit.0 - data.prior[i];
+        }
+        let prior = self.prior_weight * weights.prior_size(&s.moved[..n]);
+        prior
+            + match &self.noise {
+                Some(scalar) if data.missing => {
+                    let known = &mut s.outputs[..v.len()];
+                    known.iter_mut().zip(v).for_each(|(known, v)| *known = if v.is_nan() { 0.0 } else { *v });
+                    weighted_square(scalar, known)
+                }
+                Some(scalar) => weighted_square(scalar, v),
+                None => self.noise_weight * weights.noise_cost(v, &mut s.block[..self.shape.p * self.shape.p]),
+            }
+    }
+
+    /// v = y - ŷ (m·p) in the user's units; NaN where not measured.
+    #[inline(always)]
+    fn residual(&self, outputs: &[f64], window: &[f64], v: &mut [f64]) {
+        for ((v, y), w) in v.iter_mut().zip(outputs).zip(&window[self.split()..]) {
+            *v = (y - w) * self.s_y;
+        }
+    }
+
+    /// The box on the states that holds for this step alone, about x_c(t) if the bounds are relative to it, into lo and hi.
+    #[inline(always)]
+    fn box_of_this_step(
+        &self,
+        bounds: &Bounds,
+        filled: &[f64],
+        data: &Data<'_>,
+        z: &mut [f64],
+        (lo, hi): (&mut [f64], &mut [f64]),
+    ) {
+        lo.fill(0.0);
+        if let Some((z_0, K_c)) = &self.center {
+            let y = if data.missing { &filled[..data.outputs.len()] } else { data.outputs };
+            K_c.wide(z_0, &[], y, z);
+            self.states.tall(&self.rows.offset()[..self.split()], &z[..self.rank()], lo);
+        }
+        hi.copy_from_slice(lo);
+        self.add_box(bounds, lo, hi);
+        let used = (self.shape.depth + 1) * self.shape.n;
+        lo[used..].fill(f64::NEG_INFINITY);
+        hi[used..].fill(f64::INFINITY);
+    }
+
+    /// v = y - ŷ in [lo, hi]  ⇔  ŷ in [y - hi, y - lo], into lo and hi, in deviations.
+    #[inline(always)]
+    fn limits_of_outputs(&self, limits: &Limits, outputs: &[f64], (lo, hi): (&mut [f64], &mut [f64])) {
+        lo.fill(f64::NEG_INFINITY);
+        hi.fill(f64::INFINITY);
+        let Some(v) = &limits.v else { return };
+        let scale = self.per_unit.1;
+        for (i, y) in outputs.iter().enumerate().filter(|(_, y)| y.is_finite()) {
+            (lo[i], hi[i]) = (y - v.hi[i] * scale, y - v.lo[i] * scale);
+        }
+    }
+
+    /// Number of bounds that the window touches.
+    fn touched(&self, window: &[f64], lo: &[f64], hi: &[f64]) -> usize {
+        let touches = |i: usize| {
+            let (w, near) = (window[i], tol::ACTIVE_SET * self.rows.unit()[i]);
+            (w - lo[i]).abs() <= near || (w - hi[i]).abs() <= near
+        };
+        (0..lo.len()).filter(|&i| touches(i)).count()
+    }
+
+    /// z* without the outputs that were not measured: true with the factor of the Hessian in the scratch, false where the problem
+    /// was made for these outputs. None where the downdate would lose too many digits.
+    #[inline(always)]
+    fn without_missing(&self, weights: &Weights, data: &Data<'_>, s: &mut Scratch<'_>) -> Option<bool> {
+        let (Shape { p, depth, .. }, r, first) = (self.shape, self.rank(), self.split());
+        let stride = r.next_multiple_of(4);
+        let y = &mut s.outputs[..depth * p];
+        // the mean window in the place of what is missing: it adds nothing to K ([x̄; y] - c)
+        for ((y, measured), c) in y.iter_mut().zip(data.outputs).zip(&self.rows.offset()[first..]) {
+            *y = if measured.is_finite() { *measured } else { *c };
+        }
+        self.minimiser(data.prior, y, s.free);
+        if self.made_for_pattern {
+            return Some(false);
+        }
+        if self.center.is_some() {
+            return None;
+        }
+        let L = &mut s.metric[..r * stride];
+        L.fill(0.0);
+        (0..r).for_each(|i| L[i * stride + i] = 1.0);
+        for k in (0..depth).filter(|k| data.outputs[k * p..(k + 1) * p].iter().any(|y| y.is_nan())) {
+            weights.lost(depth - k, |i| data.outputs[k * p + i].is_finite(), &mut s.block[..p * p]);
+            for (i, j) in (0..p * p).map(|e| (e / p, e % p)) {
+                let (lost, a, b) = (s.block[i * p + j], first + k * p + i, first + k * p + j);
+                if lost == 0.0 {
+                    continue;
+                }
+                let known = lost * (y[k * p + j] - self.rows.offset()[b]);
+                for row in 0..r {
+                    let a_row = self.rows.entry(a, row);
+                    s.free[row] -= a_row * known;
+                    (0..=row).for_each(|column| L[row * stride + column] -= lost * a_row * self.rows.entry(b, column));
+                }
+            }
+        }
+        cholesky(L, r, stride)?;
+        // z* = L⁻ᵀ L⁻¹ (K ([x̄; y] - c) - …)
+        let z = &mut s.free[..r];
+        for i in 0..r {
+            let row = &L[i * stride..i * stride + i + 1];
+            z[i] = (z[i] - dot(&row[..i], &z[..i])) / row[i];
+        }
+        solve_transposed(L, z, stride);
+        Some(true)
+    }
+
+    /// Clarabel, where the active-set method is not certain.
+    #[cold]
+    fn interior_point<W: Fn(&[f64], &mut [f64])>(
+        &self,
+        problem: &Problem<'_, W>,
+        z: &mut [f64],
+        window: &mut [f64],
+    ) -> (Status, u32) {
+        let r = self.rank();
+        self.window(&problem.free[..r], window);
+        let bounded: Vec<usize> =
+            (0..self.rows.len()).filter(|&i| problem.lo[i].is_finite() || problem.hi[i].is_finite()).collect();
+        let mut A =
+            Mat::from_fn(r, bounded.len(), |j, i| self.rows.entry(bounded[i], j) / self.rows.unit()[bounded[i]]);
+        let stride = r.next_multiple_of(4);
+        if let Some(L) = problem.metric {
+            // A L⁻ᵀ: the Hessian becomes the identity
+            Mat::from_fn(r, r, |i, j| L[i * stride + j]).solve_lower_triangular_in_place(A.as_mut());
+        }
+        let distance =
+            |bounds: &[f64]| bounded.iter().map(|&i| (bounds[i] - window[i]) / self.rows.unit()[i]).collect();
+        let (lo, hi): (Vec<f64>, Vec<f64>) = (distance(problem.lo), distance(problem.hi));
+        let mut solution = qp::interior_point(A.transpose(), &lo, &hi);
+        if let Some(L) = problem.metric {
+            solve_transposed(L, &mut solution.t, stride);
+        }
+        (0..r).for_each(|i| z[i] = problem.free[i] + solution.t[i]);
+        self.window(&z[..r], window);
+        (solution.status, solution.iterations)
     }
 }
 
-/// `len` times the value, in the memory that is there.
-fn refill(x: &mut Vec<f64>, len: usize, value: f64) {
-    x.clear();
-    x.resize(len, value);
-}
-
-/// y += a x.
-fn axpy(a: f64, x: &[f64], y: &mut [f64]) {
-    y.iter_mut().zip(x).for_each(|(y, x)| *y += a * x);
-}
-
-/// Rows that single out the least-norm α among the minimisers when F does not determine b.
-///
-/// With Z a basis of the kernel of F and D = S/√N (b = D a), the shortest a satisfies Eᵀa = 0 for E an orthonormal basis of
-/// D⁻¹Z. Minimising ‖F b‖ and Eᵀ D⁻¹ b do not compete (the kernel directions alone can satisfy the second), so a small
-/// weight on the latter leaves the minimisers of (17) untouched and makes them unique.
-fn least_norm(F: MatRef<'_, f64>, space: &TrajectorySpace) -> Result<Mat<f64>, SvdError> {
-    let r = F.ncols();
-    let svd = F.svd()?;
-    let sigma: Vec<f64> = svd.S().column_vector().iter().copied().collect();
-    let sigma_1 = sigma.first().copied().unwrap_or(0.0);
-    let floor = tol::RANK_EPS * F.nrows().max(r) as f64 * sigma_1;
-    let rank = sigma.iter().filter(|&&s| s > floor).count();
-    if rank == r {
-        return Ok(Mat::zeros(0, r));
+/// L of H = L Lᵀ in place (lower triangles by rows of `stride`); None when a pivot is too small to trust.
+#[inline(always)]
+fn cholesky(H: &mut [f64], r: usize, stride: usize) -> Option<()> {
+    for i in 0..r {
+        let (above, row) = H.split_at_mut(i * stride);
+        for (j, other) in above.chunks_exact(stride).enumerate() {
+            row[j] = (row[j] - dot(&row[..j], &other[..j])) / other[j];
+        }
+        let pivot = row[i] - dot(&row[..i], &row[..i]);
+        if pivot < tol::DOWNDATE {
+            return None;
+        }
+        row[i] = pivot.sqrt();
     }
-    let inverse_length = |i: usize| (space.windows as f64).sqrt() / space.singular_values[i];
-    let V = svd.V();
-    let DZ = Mat::from_fn(r, r - rank, |i, j| inverse_length(i) * V[(i, rank + j)]);
-    let E = DZ.qr().compute_thin_Q();
-    let mut G = Mat::from_fn(r - rank, r, |i, j| E[(j, i)] * inverse_length(j));
-    let scale = tol::LEAST_NORM.sqrt() * sigma_1.max(f64::MIN_POSITIVE) / G.norm_max();
-    G *= faer::Scale(scale);
-    Ok(G)
-}
-
-/// K and R with [F; G] = Q R and K = R⁻¹ Q_Fᵀ, so that b* = K f.
-fn factor(F: MatRef<'_, f64>, G: MatRef<'_, f64>) -> (Mat<f64>, Mat<f64>) {
-    let r = F.ncols();
-    let stacked =
-        Mat::from_fn(F.nrows() + G.nrows(), r, |i, j| if i < F.nrows() { F[(i, j)] } else { G[(i - F.nrows(), j)] });
-    let qr = stacked.qr();
-    let R = qr.thin_R().to_owned();
-    let mut K = qr.compute_thin_Q().subrows(0, F.nrows()).transpose().to_owned();
-    R.solve_upper_triangular_in_place(K.as_mut());
-    (K, R)
-}
-
-/// K_c with b = K_c (y - c_y): H_x H_y† of IV-A1 in affine form. The least-norm α whose outputs fit best; with a
-/// regularised space, its weight relative to the outputs' (λ/μ) instead of the pseudo-inverse's cut at rounding.
-fn center_gain(
-    space: &TrajectorySpace,
-    y_rows: &[usize],
-    mu: f64,
-    measured: impl Fn(usize) -> bool,
-) -> Result<Mat<f64>, SvdError> {
-    let r = space.rank();
-    let length =
-        |j: usize| if space.lambda > 0.0 { 1.0 } else { space.singular_values[j] / (space.windows as f64).sqrt() };
-    let Y =
-        Mat::from_fn(y_rows.len(), r, |i, j| if measured(i) { space.basis[(y_rows[i], j)] * length(j) } else { 0.0 });
-    let svd = Y.thin_svd()?;
-    let sigma = svd.S().column_vector();
-    let k = sigma.nrows();
-    let floor = if k > 0 { tol::RANK_EPS * r.max(y_rows.len()) as f64 * sigma[0] } else { 0.0 };
-    let filter = |s: f64| if s > floor { s / (s * s + space.lambda / mu) } else { 0.0 };
-    let (U, V) = (svd.U(), svd.V());
-    let right = Mat::from_fn(r, k, |i, j| length(i) * V[(i, j)] * filter(sigma[j]));
-    Ok(right * U.transpose())
+    Some(())
 }

@@ -283,7 +283,7 @@ pub struct Estimate {
     /// Number of bounds that the window touches.
     #[pyo3(get)]
     active: usize,
-    /// Changes of the active set (or iterations of the interior-point solver, where that decided); 0: closed form.
+    /// Changes of the active set since the last step (or iterations of the interior-point solver, where that decided).
     #[pyo3(get)]
     iterations: u32,
 }
@@ -334,7 +334,7 @@ pub struct Log {
     /// Number of touched bounds of each step (N,).
     #[pyo3(get)]
     active: Py<PyArray1<i64>>,
-    /// Estimate.iterations of each step (N,); 0 = closed form.
+    /// Estimate.iterations of each step (N,).
     #[pyo3(get)]
     iterations: Py<PyArray1<i64>>,
 }

@@ -1,0 +1,157 @@
+//! What an estimator computes at construction: settings, weights and the problems of all depths.
+
+use crate::config::{Bounds, Center, Config, Settings, validate};
+use crate::defaults::Defaults;
+use crate::error::Error;
+use crate::hankel::check_excitation;
+use crate::history::History;
+use crate::reduction::Shape;
+use crate::space::{Penalty, Scaling, Selection, Space, WindowStack};
+use crate::tol;
+use crate::weights::Weights;
+use crate::window::{Limits, WindowProblem};
+
+/// What follows from the recording and the settings; shared by the copies of an estimator.
+pub(crate) struct Design {
+    pub history: History,
+    pub settings: Settings,
+    pub scaling: Scaling,
+    pub weights: Weights,
+    pub limits: Limits,
+    pub problems: Vec<WindowProblem>, // of depth first, first + 1, …, M
+    pub first: usize,                 // 1; with a warm start the short ones may be missing
+    pub rank: usize,                  // the highest of all depths
+    pub spectral_radius: f64,
+    pub warnings: Vec<String>,
+    centered: bool,
+}
+
+impl Design {
+    /// As [`DdMhe::new`](crate::DdMhe::new).
+    pub fn new(history: &History, config: &Config) -> Result<Self, Error> {
+        validate(history, config)?;
+        let scaling = Scaling::new(history)?;
+        let rest = config.equilibrium.as_ref().map(|(x, y)| (&x[..], &y[..]));
+        let rule = Defaults::new(history, &scaling, rest);
+        let unit = (scaling.s_y / scaling.s_x).powi(2); // μ in scaled units is μ·unit
+        let weights = Weights::new(config, &rule, unit, history.n(), history.p())?;
+        let horizon = rule.horizon_for(config)?;
+        check_excitation(history, horizon)?;
+
+        let equilibrium_used = rest.is_some() && rule.noisy;
+        let stack = WindowStack::new(history, &scaling, horizon, rest.filter(|_| equilibrium_used));
+        let centered = config.x_center == Center::History;
+        let problem = |depth: usize, selection: &Selection| {
+            let shape = Shape { n: history.n(), p: history.p(), depth };
+            let space = stack.space(depth, selection);
+            WindowProblem::new(shape, space, &scaling, &weights, (config.x_bounds.as_ref(), centered), None)
+                .map_err(factorisation)
+        };
+        let mut selection = select(&config.space, &rule, weights.mu(), history.n());
+        let mut deepest = problem(horizon, &selection)?;
+        let mut radius = spectral_radius(&deepest);
+        for _ in 0..tol::GUARD {
+            let guarded = config.space == Space::Auto && !stable(radius);
+            let Some(heavier) = selection.heavier().filter(|_| guarded) else { break };
+            selection = heavier;
+            deepest = problem(horizon, &selection)?;
+            radius = spectral_radius(&deepest);
+        }
+        let settings = Settings {
+            horizon,
+            rho: weights.rho,
+            mu: weights.mu() / unit,
+            rank: deepest.rank(),
+            lambda: deepest.space.lambda,
+            equilibrium_used,
+        };
+        let first = (filled(history, config, horizon) + 1).min(horizon);
+        let mut problems = (first..horizon).map(|depth| problem(depth, &selection)).collect::<Result<Vec<_>, _>>()?;
+        problems.push(deepest);
+        Ok(Design {
+            history: history.clone(),
+            warnings: warnings(config, &settings, radius),
+            limits: Limits {
+                x: config.x_bounds.clone(),
+                v: config.v_bounds.as_ref().map(|v| Bounds { lo: v.lo.repeat(horizon), hi: v.hi.repeat(horizon) }),
+            },
+            rank: problems.iter().map(WindowProblem::rank).max().unwrap_or(0),
+            spectral_radius: radius,
+            settings,
+            scaling,
+            weights,
+            problems,
+            first,
+            centered,
+        })
+    }
+
+    /// The problem of one depth.
+    pub fn problem(&self, depth: usize) -> Option<&WindowProblem> {
+        self.problems.get(depth.checked_sub(self.first)?)
+    }
+
+    /// A full problem without the outputs that were not measured, factored anew.
+    pub fn without_missing(&self, full: &WindowProblem, outputs: &[f64]) -> Result<WindowProblem, Error> {
+        let measured: Vec<bool> = outputs.iter().map(|v| v.is_finite()).collect();
+        let bounds = (self.limits.x.as_ref(), self.centered);
+        WindowProblem::new(full.shape, full.space.clone(), &self.scaling, &self.weights, bounds, Some(&measured))
+            .map_err(factorisation)
+    }
+}
+
+/// What a user should know about these settings, in words.
+fn warnings(config: &Config, settings: &Settings, spectral_radius: f64) -> Vec<String> {
+    let mut warnings = Vec::new();
+    if !stable(spectral_radius) {
+        warnings.push(format!(
+            "the map from prior to estimate has spectral radius {spectral_radius:.4} (limit {}): estimation errors may grow; try another horizon, a larger mu or a smaller rank",
+            tol::SPECTRAL_RADIUS
+        ));
+    }
+    if config.equilibrium.is_some() && !settings.equilibrium_used {
+        warnings.push("equilibrium: not used, the recording shows no noise and is more accurate without it".into());
+    }
+    warnings
+}
+
+/// Outputs that are in the window before the first step: a warm start takes them from the last recording.
+pub(crate) fn filled(history: &History, config: &Config, horizon: usize) -> usize {
+    let recorded = history.y(history.recordings() - 1).len() / history.p();
+    if config.warm_start { recorded.min(horizon) } else { 0 }
+}
+
+/// The chosen space in normalised units.
+fn select(space: &Space, rule: &Defaults, mu: f64, n: usize) -> Selection {
+    match *space {
+        Space::Auto => rule.selection(mu),
+        Space::Exact => Selection { rank: None, tol: None, penalty: Penalty::None },
+        Space::Truncated { rank: None, tol: None } => Selection { rank: Some(n), tol: None, penalty: Penalty::None },
+        Space::Truncated { rank, tol } => Selection { rank, tol, penalty: Penalty::None },
+        Space::Ridge { weight, normalised } => {
+            let penalty = if normalised { Penalty::Normalised(weight) } else { Penalty::Alpha(weight) };
+            Selection { rank: None, tol: None, penalty }
+        }
+    }
+}
+
+fn spectral_radius(problem: &WindowProblem) -> f64 {
+    // An eigenvalue iteration that fails (never seen on finite data) must not pass as stable.
+    problem
+        .prior_to_estimate()
+        .eigenvalues()
+        .map_or(f64::NAN, |values| values.iter().map(|z| z.norm()).fold(0.0, f64::max))
+}
+
+/// False also for NaN, which no finite data should give.
+fn stable(spectral_radius: f64) -> bool {
+    spectral_radius <= tol::SPECTRAL_RADIUS
+}
+
+fn factorisation(_: faer::linalg::solvers::SvdError) -> Error {
+    Error::rank(
+        "history",
+        "data whose singular values can be computed",
+        "data on which the decomposition does not converge",
+    )
+}

@@ -1,0 +1,166 @@
+//! The numbers of a running estimator, in one block that is allocated once: the moving window and the room that a step works in.
+
+use crate::active_set::work_len;
+use crate::panels::padded;
+use crate::window::Scratch;
+
+/// The last samples of a signal, contiguous in memory: the window slides through a longer stretch and moves back to its
+/// beginning once at the end of it, so that a step costs no shift.
+#[derive(Debug, Clone)]
+struct Slide {
+    at: usize,    // where the stretch begins
+    width: usize, // numbers in a sample
+    room: usize,  // samples in the stretch
+    start: usize,
+    len: usize,
+}
+
+impl Slide {
+    #[inline]
+    fn window(&self) -> std::ops::Range<usize> {
+        let first = self.at + self.start * self.width;
+        first..first + self.len * self.width
+    }
+
+    /// Where the next sample goes.
+    #[inline]
+    fn next(&mut self, block: &mut [f64]) -> std::ops::Range<usize> {
+        if self.start + self.len == self.room {
+            block.copy_within(self.window(), self.at);
+            self.start = 0;
+        }
+        self.len += 1;
+        let end = self.window().end;
+        end - self.width..end
+    }
+
+    #[inline]
+    fn forget(&mut self) {
+        self.start += 1;
+        self.len -= 1;
+    }
+
+    fn clear(&mut self) {
+        (self.start, self.len) = (0, 0);
+    }
+}
+
+/// Sizes of the room that a step works in, in the order in which it lies in the block.
+#[derive(Debug, Clone, Copy)]
+struct Sizes {
+    rank: usize,   // of z* and z, padded
+    window: usize, // of the window and its bounds, padded
+    outputs: usize,
+    metric: usize,
+    block: usize,
+    moved: usize,
+}
+
+/// The moving window, as scaled deviations, and room for a step.
+#[derive(Debug, Clone)]
+pub(crate) struct Memory {
+    block: Vec<f64>,
+    outputs: Slide,
+    states: Slide,
+    missing: usize, // NaN in the window
+    sizes: Sizes,
+    scratch: usize, // where the room begins
+}
+
+impl Memory {
+    /// For windows up to `depth` and spaces up to rank r.
+    pub fn new(n: usize, p: usize, depth: usize, r: usize) -> Self {
+        let room = 2 * depth.max(32) + 1;
+        let sizes = Sizes {
+            rank: padded(r),
+            window: padded((depth + 1) * n) + padded(depth * p),
+            outputs: padded(depth * p),
+            metric: r * r.next_multiple_of(4),
+            block: padded(p * p),
+            moved: padded(n),
+        };
+        let scratch = padded(room * p) + padded(room * n);
+        let Sizes { rank, window, outputs, metric, block, moved } = sizes;
+        let len = scratch + 2 * rank + 3 * window + outputs + metric + block + moved + work_len(r);
+        let slide = |at, width| Slide { at, width, room, start: 0, len: 0 };
+        Memory {
+            block: vec![0.0; len],
+            outputs: slide(0, p),
+            states: slide(padded(room * p), n),
+            missing: 0,
+            sizes,
+            scratch,
+        }
+    }
+
+    pub fn clear(&mut self) {
+        self.outputs.clear();
+        self.states.clear();
+        self.missing = 0;
+    }
+
+    /// Outputs in the window.
+    #[inline]
+    pub fn depth(&self) -> usize {
+        self.outputs.len
+    }
+
+    #[inline]
+    pub fn outputs(&self) -> &[f64] {
+        &self.block[self.outputs.window()]
+    }
+
+    #[inline]
+    pub fn states(&self) -> &[f64] {
+        &self.block[self.states.window()]
+    }
+
+    /// Whether an output in the window was not measured.
+    #[inline]
+    pub fn missing(&self) -> bool {
+        self.missing > 0
+    }
+
+    #[inline]
+    pub fn push_output(&mut self, y: impl Iterator<Item = f64>) {
+        let at = self.outputs.next(&mut self.block);
+        for (slot, y) in self.block[at].iter_mut().zip(y) {
+            *slot = y;
+            self.missing += usize::from(y.is_nan());
+        }
+    }
+
+    #[inline]
+    pub fn push_state(&mut self, x: impl Iterator<Item = f64>) {
+        let at = self.states.next(&mut self.block);
+        self.block[at].iter_mut().zip(x).for_each(|(slot, x)| *slot = x);
+    }
+
+    /// Forgets the oldest output and the oldest state.
+    #[inline]
+    pub fn forget(&mut self) {
+        if self.missing > 0 {
+            let oldest = &self.outputs()[..self.outputs.width];
+            self.missing -= oldest.iter().filter(|y| y.is_nan()).count();
+        }
+        self.outputs.forget();
+        self.states.forget();
+    }
+
+    /// The window's states and outputs, and the room for a step.
+    #[inline(always)]
+    pub fn parts(&mut self) -> (&[f64], &[f64], Scratch<'_>) {
+        let (window, room) = self.block.split_at_mut(self.scratch);
+        let (free, room) = room.split_at_mut(self.sizes.rank);
+        let (z, room) = room.split_at_mut(self.sizes.rank);
+        let (answer, room) = room.split_at_mut(self.sizes.window);
+        let (lo, room) = room.split_at_mut(self.sizes.window);
+        let (hi, room) = room.split_at_mut(self.sizes.window);
+        let (outputs, room) = room.split_at_mut(self.sizes.outputs);
+        let (metric, room) = room.split_at_mut(self.sizes.metric);
+        let (block, room) = room.split_at_mut(self.sizes.block);
+        let (moved, work) = room.split_at_mut(self.sizes.moved);
+        let scratch = Scratch { free, z, window: answer, lo, hi, outputs, metric, block, moved, work };
+        (&window[self.states.window()], &window[self.outputs.window()], scratch)
+    }
+}

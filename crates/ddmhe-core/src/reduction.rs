@@ -1,0 +1,148 @@
+//! From a trajectory space and the weights to the least-distance form of one depth: z* = K f, w = c + A z.
+//!
+//! See [`window`](crate::window) for the derivation. Rows of the window are interleaved here as in [`space`](crate::space):
+//! x(0), y(0), …, x(m-1), y(m-1), x(m).
+
+use crate::space::TrajectorySpace;
+use crate::tol;
+use crate::weights::Weights;
+use faer::linalg::solvers::SvdError;
+use faer::{Mat, MatRef};
+
+/// Sizes of one depth, and rows of the interleaved window: where x(k) and y(k) are.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Shape {
+    pub n: usize,
+    pub p: usize,
+    pub depth: usize,
+}
+
+impl Shape {
+    pub fn x(self, k: usize) -> std::ops::Range<usize> {
+        let start = k * (self.n + self.p);
+        start..start + self.n
+    }
+
+    pub fn y(self, k: usize) -> std::ops::Range<usize> {
+        let start = k * (self.n + self.p) + self.n;
+        start..start + self.p
+    }
+
+    /// Rows of all states, oldest first.
+    pub fn states(self) -> impl Iterator<Item = usize> {
+        (0..=self.depth).flat_map(move |k| self.x(k))
+    }
+
+    /// Rows of all outputs, oldest first.
+    pub fn outputs(self) -> impl Iterator<Item = usize> {
+        (0..self.depth).flat_map(move |k| self.y(k))
+    }
+
+    /// Rows that the cost sees, in the order of f: x(0), then all outputs.
+    pub fn seen(self) -> impl Iterator<Item = usize> {
+        self.x(0).chain(self.outputs())
+    }
+}
+
+/// The least-distance form, in scaled units.
+pub(crate) struct Reduced {
+    /// r × (n + m p): z* = K ([x̄; y] - c).
+    pub K: Mat<f64>,
+    /// d × r: w = c + A z.
+    pub A: Mat<f64>,
+    /// r × m p: z_c = K_c (y - c_y) of the window x_c(t) of the experiment IV-A1, if it is asked for.
+    pub K_c: Option<Mat<f64>>,
+}
+
+/// Factors the problem of one depth. `measured` (m·p, time-major) says which outputs exist; None: all of them.
+pub(crate) fn reduce(
+    shape: Shape,
+    space: &TrajectorySpace,
+    weights: &Weights,
+    centered: bool,
+    measured: Option<&[bool]>,
+) -> Result<Reduced, SvdError> {
+    let Shape { n, p, depth } = shape;
+    let all = vec![true; depth * p];
+    let measured = measured.unwrap_or(&all);
+    // √ of 2ρ^m P on the prior, of ρ^{j-1} R on y(t-j): the block of each sample with its first row in f
+    let mut blocks = vec![(0, weights.prior(depth))];
+    blocks.extend((0..depth).map(|k| (n + k * p, weights.noise(depth - k, &measured[k * p..(k + 1) * p]))));
+    let seen: Vec<usize> = shape.seen().collect();
+    let r = space.rank();
+    let basis = Mat::from_fn(seen.len(), r, |i, j| space.basis[(seen[i], j)]);
+    let mut F = Mat::zeros(seen.len(), r);
+    for (first, W) in &blocks {
+        F.subrows_mut(*first, W.nrows()).copy_from(W * basis.subrows(*first, W.nrows()));
+    }
+    let G = if space.lambda > 0.0 {
+        Mat::from_fn(r, r, |i, j| if i == j { space.lambda.sqrt() } else { 0.0 })
+    } else {
+        least_norm(F.as_ref(), space)?
+    };
+    // [F; G] = Q R
+    let stacked =
+        Mat::from_fn(F.nrows() + G.nrows(), r, |i, j| if i < F.nrows() { F[(i, j)] } else { G[(i - F.nrows(), j)] });
+    let qr = stacked.qr();
+    let (Q, R) = (qr.compute_thin_Q(), qr.thin_R());
+    let mut K = Mat::zeros(r, seen.len());
+    for (first, W) in &blocks {
+        K.subcols_mut(*first, W.nrows()).copy_from(Q.subrows(*first, W.nrows()).transpose() * W);
+    }
+    // A = B R⁻¹, from Rᵀ Aᵀ = Bᵀ
+    let mut A_t = space.basis.transpose().to_owned();
+    R.transpose().solve_lower_triangular_in_place(A_t.as_mut());
+    let K_c = match centered {
+        true => Some(R * center_gain(space, &seen[n..], weights.mu(), |i| measured[i])?),
+        false => None,
+    };
+    Ok(Reduced { K, A: A_t.transpose().to_owned(), K_c })
+}
+
+/// Rows that single out the least-norm α among the minimisers when F does not determine b.
+///
+/// With Z a basis of the kernel of F and D = S/√N (b = D a), the shortest a satisfies Eᵀa = 0 for E an orthonormal basis of
+/// D⁻¹Z. Minimising ‖F b‖ and Eᵀ D⁻¹ b do not compete (the kernel directions alone can satisfy the second), so a small
+/// weight on the latter leaves the minimisers of (17) untouched and makes them unique.
+fn least_norm(F: MatRef<'_, f64>, space: &TrajectorySpace) -> Result<Mat<f64>, SvdError> {
+    let r = F.ncols();
+    let svd = F.svd()?;
+    let sigma: Vec<f64> = svd.S().column_vector().iter().copied().collect();
+    let sigma_1 = sigma.first().copied().unwrap_or(0.0);
+    let floor = tol::RANK_EPS * F.nrows().max(r) as f64 * sigma_1;
+    let rank = sigma.iter().filter(|&&s| s > floor).count();
+    if rank == r {
+        return Ok(Mat::zeros(0, r));
+    }
+    let inverse_length = |i: usize| (space.windows as f64).sqrt() / space.singular_values[i];
+    let V = svd.V();
+    let DZ = Mat::from_fn(r, r - rank, |i, j| inverse_length(i) * V[(i, rank + j)]);
+    let E = DZ.qr().compute_thin_Q();
+    let mut G = Mat::from_fn(r - rank, r, |i, j| E[(j, i)] * inverse_length(j));
+    let scale = tol::LEAST_NORM.sqrt() * sigma_1.max(f64::MIN_POSITIVE) / G.norm_max();
+    G *= faer::Scale(scale);
+    Ok(G)
+}
+
+/// K_c with b = K_c (y - c_y): H_x H_y† of IV-A1 in affine form. The least-norm α whose outputs fit best; with a
+/// regularised space, its weight relative to the outputs' (λ/μ) instead of the pseudo-inverse's cut at rounding.
+fn center_gain(
+    space: &TrajectorySpace,
+    y_rows: &[usize],
+    mu: f64,
+    measured: impl Fn(usize) -> bool,
+) -> Result<Mat<f64>, SvdError> {
+    let r = space.rank();
+    let length =
+        |j: usize| if space.lambda > 0.0 { 1.0 } else { space.singular_values[j] / (space.windows as f64).sqrt() };
+    let Y =
+        Mat::from_fn(y_rows.len(), r, |i, j| if measured(i) { space.basis[(y_rows[i], j)] * length(j) } else { 0.0 });
+    let svd = Y.thin_svd()?;
+    let sigma = svd.S().column_vector();
+    let k = sigma.nrows();
+    let floor = if k > 0 { tol::RANK_EPS * r.max(y_rows.len()) as f64 * sigma[0] } else { 0.0 };
+    let filter = |s: f64| if s > floor { s / (s * s + space.lambda / mu) } else { 0.0 };
+    let (U, V) = (svd.U(), svd.V());
+    let right = Mat::from_fn(r, k, |i, j| length(i) * V[(i, j)] * filter(sigma[j]));
+    Ok(right * U.transpose())
+}
