@@ -214,6 +214,7 @@ pub(crate) struct ErrorBound {
     W: f64,
     V: f64,
     errors: Vec<f64>, // E of each state in the estimator's memory
+    room: Vec<f64>,   // n + p
 }
 
 impl ErrorBound {
@@ -238,12 +239,19 @@ impl ErrorBound {
             U_Q,
             U_R,
             errors: Vec::new(),
+            room: vec![0.0; n + p],
         })
     }
 
     /// Starts over with `known` states in memory, all of the initial error.
     pub fn restart(&mut self, known: usize) {
-        self.errors = vec![self.initial; known];
+        self.errors.clear();
+        self.errors.resize(known, self.initial);
+    }
+
+    /// Room for `states` bounds.
+    pub fn reserve(&mut self, states: usize) {
+        self.errors.reserve(states.saturating_sub(self.errors.len()));
     }
 
     /// The bounds in memory, for a snapshot.
@@ -252,8 +260,9 @@ impl ErrorBound {
     }
 
     /// Continues from saved bounds.
-    pub fn resume(&mut self, errors: Vec<f64>) {
-        self.errors = errors;
+    pub fn resume(&mut self, errors: &[f64]) {
+        self.errors.clear();
+        self.errors.extend_from_slice(errors);
     }
 
     /// Forgets the oldest state.
@@ -271,56 +280,60 @@ impl ErrorBound {
         past: impl Fn(usize) -> f64,
     ) -> f64 {
         let (n, p) = (self.n, self.p);
+        let mut room = std::mem::take(&mut self.room);
+        let (w, v) = room.split_at_mut(n);
         let mut s = f64::INFINITY;
         for k in 0..v_hat.len() / p {
-            let moved: Vec<f64> = (k * n..(k + 1) * n).map(|i| window[i] - past(i)).collect();
-            s = s.min(norm(&self.U_P, &moved) + self.errors[k]);
-            let y: Vec<f64> = (k * p..(k + 1) * p).map(&output).collect();
-            s = self.across(
-                &window[k * n..(k + 1) * n],
-                &window[(k + 1) * n..(k + 2) * n],
-                &y,
-                &v_hat[k * p..(k + 1) * p],
-                s,
-            );
+            let (x, x_next) = window[k * n..(k + 2) * n].split_at(n);
+            (0..n).for_each(|i| w[i] = x[i] - past(k * n + i));
+            s = s.min(norm(&self.U_P, w) + self.errors[k]);
+            // ŵ and v̂; without a model the window counts as a trajectory of the true system
+            match &self.model {
+                Some(model) => {
+                    residual(&model.A, &model.e, x, |i| x_next[i], w);
+                    residual(&model.C, &model.r, x, |i| output(k * p + i), v);
+                }
+                None => {
+                    w.fill(0.0);
+                    v.copy_from_slice(&v_hat[k * p..(k + 1) * p]);
+                }
+            }
+            s = self.across(x, w, v, s);
         }
+        self.room = room;
         self.errors.push(s);
         self.euclidean * s
     }
 
-    /// (L) over one sample: s(k+1) from s(k).
-    fn across(&self, x: &[f64], x_next: &[f64], y: &[f64], v_hat: &[f64], s: f64) -> f64 {
-        let (w_hat, v_hat) = match &self.model {
-            Some(model) => (residual(&model.A, &model.e, x, x_next), residual(&model.C, &model.r, x, y)),
-            // Without a model the window counts as a trajectory of the true system.
-            None => (vec![0.0; self.n], v_hat.to_vec()),
-        };
+    /// (L) over one sample from x with the residuals ŵ and v̂: s(k+1) from s(k).
+    fn across(&self, x: &[f64], w_hat: &[f64], v_hat: &[f64], s: f64) -> f64 {
         let (spread_w, spread_v) = self.spread(x);
-        let W = norm(&self.U_Q, &w_hat) + spread_w + self.W;
+        let W = norm(&self.U_Q, w_hat) + spread_w + self.W;
         let blind = if s == 0.0 { W } else { self.growth * s + W };
         if v_hat.iter().any(|v| v.is_nan()) {
             return blind;
         }
-        let V = norm(&self.U_R, &v_hat) + spread_v + self.V;
+        let V = norm(&self.U_R, v_hat) + spread_v + self.V;
         blind.min((self.eta * s * s + W * W + V * V).sqrt())
     }
 
     /// How far the true system's next state and output at x may be from the model's, in ‖·‖_Q and ‖·‖_R.
     fn spread(&self, x: &[f64]) -> (f64, f64) {
         let Some(u) = self.model.as_ref().and_then(|m| m.uncertainty.as_ref()) else { return (0.0, 0.0) };
-        let z: Vec<f64> = x.iter().copied().chain([1.0]).collect();
-        let size = z.len();
-        let square: f64 = (0..size * size).map(|k| z[k / size] * u.metric[k] * z[k % size]).sum();
+        let size = x.len() + 1;
+        let z = |i: usize| x.get(i).copied().unwrap_or(1.0);
+        let square: f64 = (0..size * size).map(|k| z(k / size) * u.metric[k] * z(k % size)).sum();
         let q = square.max(0.0).sqrt();
         (u.w * q, u.v * q)
     }
 }
 
-/// target - (matrix x + offset).
-fn residual(matrix: &[f64], offset: &[f64], x: &[f64], target: &[f64]) -> Vec<f64> {
-    let row = |i: usize| &matrix[i * x.len()..(i + 1) * x.len()];
-    let image = |i: usize| row(i).iter().zip(x).map(|(a, b)| a * b).sum::<f64>();
-    (0..target.len()).map(|i| target[i] - offset[i] - image(i)).collect()
+/// target - (matrix x + offset), into `out`.
+fn residual(matrix: &[f64], offset: &[f64], x: &[f64], target: impl Fn(usize) -> f64, out: &mut [f64]) {
+    for (i, out) in out.iter_mut().enumerate() {
+        let row = &matrix[i * x.len()..(i + 1) * x.len()];
+        *out = target(i) - offset[i] - row.iter().zip(x).map(|(a, b)| a * b).sum::<f64>();
+    }
 }
 
 /// Smallest and largest singular value.

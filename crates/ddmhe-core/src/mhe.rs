@@ -16,7 +16,6 @@ use crate::window::Data;
 use std::sync::Arc;
 
 /// The estimator. A copy continues on its own from the same window and shares everything that was computed at construction.
-#[derive(Clone)]
 pub struct DdMhe {
     design: Arc<Design>,
     config: Config,
@@ -25,6 +24,22 @@ pub struct DdMhe {
     kept: Kept,     // active bounds of the last step
     t: usize,
     estimate: Estimate,
+}
+
+impl Clone for DdMhe {
+    fn clone(&self) -> Self {
+        let mut copy = DdMhe {
+            design: Arc::clone(&self.design),
+            config: self.config.clone(),
+            bound: self.bound.clone(),
+            memory: self.memory.clone(),
+            kept: self.kept.clone(),
+            t: self.t,
+            estimate: self.estimate.clone(),
+        };
+        copy.reserve(); // a copied vector has no room to grow
+        copy
+    }
 }
 
 impl DdMhe {
@@ -198,9 +213,10 @@ impl DdMhe {
         check_finite("blob", states, n)?;
         self.refill(outputs.iter().copied(), states.iter().copied());
         self.kept = Kept::new(active);
+        self.reserve();
         self.t = t;
         if let Some(bound) = &mut self.bound {
-            bound.resume(bounds);
+            bound.resume(&bounds);
         }
         Ok(())
     }
@@ -212,6 +228,7 @@ impl DdMhe {
         self.t = 0;
         self.estimate = Estimate::default();
         self.kept.clear();
+        self.reserve();
         let last = history.recordings() - 1;
         let filled = filled(history, &self.config, design.settings.horizon);
         let (x, y) = (history.x(last), history.y(last));
@@ -223,6 +240,19 @@ impl DdMhe {
         self.refill(outputs, states.chunks_exact(n).flat_map(|x| scaling.deviations(x, &[])));
         if let Some(bound) = &mut self.bound {
             bound.restart(filled + 1);
+        }
+    }
+
+    /// Room for the longest window, so that no step allocates.
+    fn reserve(&mut self) {
+        let (n, p, depth) = (self.n(), self.p(), self.design.settings.horizon);
+        let (rank, Estimate { x, window, v, .. }) = (self.design.rank, &mut self.estimate);
+        x.reserve(n - x.len());
+        window.reserve((depth + 1) * n - window.len());
+        v.reserve(depth * p - v.len());
+        self.kept.sides.reserve(rank - self.kept.sides.len());
+        if let Some(bound) = &mut self.bound {
+            bound.reserve(depth + 2);
         }
     }
 
