@@ -281,3 +281,38 @@ def test_many_runs_are_the_single_ones():
         ddmhe.run_many(estimators[:2], [outputs[0], outputs[1][:, :2]])
     with pytest.raises(ddmhe.DdmheError, match="estimators"):
         ddmhe.run_many([1.0], outputs[:1])
+
+
+def test_states_can_be_written_into_arrays_of_the_caller(recorded):
+    """`out` receives the same numbers; the Estimate of the step stays to be had."""
+    _, x, y, _, outputs = recorded
+    h = ddmhe.History(x, y)
+    expected = ddmhe.DdMhe(h, horizon=12).run(outputs)
+    est, x_hat = ddmhe.DdMhe(h, horizon=12), np.empty(3)
+    assert est.estimate is None
+    for k, sample in enumerate(outputs):
+        assert est.step(sample, out=x_hat) is x_hat
+        np.testing.assert_array_equal(x_hat, expected.x[k])
+        assert est.estimate.cost == expected.cost[k]
+    states = np.empty((len(outputs), 3))
+    assert ddmhe.DdMhe(h, horizon=12).run(outputs, out=states).x is states
+    np.testing.assert_array_equal(states, expected.x)
+
+
+def read_only(shape):
+    array = np.zeros(shape)
+    array.flags.writeable = False
+    return array
+
+
+@pytest.mark.parametrize(
+    "out", [np.empty(9), np.empty(3, dtype=np.float32), [0.0] * 3, np.empty(6)[::2], read_only(3), np.empty((3, 1))]
+)
+def test_an_out_that_cannot_take_the_state_changes_nothing(recorded, out):
+    _, x, y, _, outputs = recorded
+    est = ddmhe.DdMhe(ddmhe.History(x, y), horizon=12)
+    with pytest.raises(ddmhe.ShapeError, match="out: expected a writable float64 array"):
+        est.step(outputs[0], out=out)
+    with pytest.raises(ddmhe.ShapeError, match="out: expected a writable float64 array"):
+        est.run(outputs, out=out)
+    assert est.t == 0

@@ -1,7 +1,10 @@
 //! Arrays in, errors out: the border between NumPy and the core.
 
 use ddmhe_core::{Bounds, Error};
-use numpy::{IntoPyArray, PyArray1, PyArray2, PyArrayDyn, PyArrayMethods, PyUntypedArrayMethods};
+use numpy::ndarray::Dimension;
+use numpy::{
+    IntoPyArray, PyArray, PyArray1, PyArray2, PyArrayDyn, PyArrayMethods, PyReadwriteArray, PyUntypedArrayMethods,
+};
 use pyo3::create_exception;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
@@ -129,6 +132,28 @@ pub fn array1<'py>(py: Python<'py>, data: &[f64]) -> Bound<'py, PyArray1<f64>> {
 pub fn array2<'py>(py: Python<'py>, data: Vec<f64>, width: usize) -> PyResult<Bound<'py, PyArray2<f64>>> {
     let rows = data.len() / width;
     data.into_pyarray(py).reshape([rows, width])
+}
+
+/// An array that results are written into: float64, C order, of this shape, and not read-only.
+pub fn writable<'py, D: Dimension>(
+    argument: &str,
+    value: &Bound<'py, PyAny>,
+    shape: &[usize],
+) -> PyResult<PyReadwriteArray<'py, f64, D>> {
+    let wrong = |found: String| {
+        ShapeError::new_err(format!(
+            "{argument}: expected a writable float64 array of shape {shape:?} in C order, found {found}"
+        ))
+    };
+    let kind = || value.getattr("dtype").map_or_else(|_| value.get_type().to_string(), |d| format!("one of type {d}"));
+    let array = value.cast::<PyArray<f64, D>>().map_err(|_| wrong(kind()))?;
+    if array.shape() != shape {
+        return Err(wrong(format!("one of shape {:?}", array.shape())));
+    }
+    if !array.is_c_contiguous() {
+        return Err(wrong("one in another order".into()));
+    }
+    array.try_readwrite().map_err(|e| wrong(format!("one that is not to be written to ({e})")))
 }
 
 /// A whole number of at least 1.

@@ -1,12 +1,13 @@
 //! `ddmhe.DdMhe`, `ddmhe.Estimate`, `ddmhe.Log`.
 
 use crate::certificate;
-use crate::convert::{DdmheError, Numbers, ShapeError, array1, array2, bounds, raise, whole};
+use crate::convert::{DdmheError, Numbers, ShapeError, array1, array2, bounds, raise, whole, writable};
 use crate::history::History;
 use crate::spaces;
 use ddmhe_core::{Bounds, Center, Config, Space};
-use numpy::{PyArray1, PyArray2, PyArrayMethods};
+use numpy::{Ix1, Ix2, PyArray1, PyArray2, PyArrayMethods, PyUntypedArrayMethods};
 use pyo3::prelude::*;
+use pyo3::sync::PyOnceLock;
 use pyo3::types::PyBytes;
 
 /// Data-driven moving horizon estimation (Liu 2026, (16), (17), Algorithm 1).
@@ -102,34 +103,64 @@ impl DdMhe {
     ///
     /// y_t : array (p,), NaN where this entry was not measured.
     /// x_bounds : (lo, hi) for this step alone; each side a scalar, (n,), or one row per state of the window (M_t+1, n).
-    #[pyo3(signature = (y_t, x_bounds=None))]
-    fn step(
+    /// out : float64 array (n,), optional. It receives the state and is returned in the place of an Estimate, so that nothing is
+    ///     allocated; all else about the step is in `estimate`.
+    #[pyo3(signature = (y_t, x_bounds=None, out=None))]
+    fn step<'py>(
         &mut self,
-        py: Python<'_>,
-        y_t: &Bound<'_, PyAny>,
-        x_bounds: Option<&Bound<'_, PyAny>>,
-    ) -> PyResult<Estimate> {
+        py: Python<'py>,
+        y_t: &Bound<'py, PyAny>,
+        x_bounds: Option<&Bound<'py, PyAny>>,
+        out: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<Bound<'py, PyAny>> {
         let (n, p) = (self.core.n(), self.core.p());
         let limits: Option<Bounds> =
             x_bounds.map(|v| bounds("x_bounds", v, n, Some(self.core.next_depth()))).transpose()?;
-        let y = match y_t.cast::<PyArray1<f64>>() {
-            Ok(array) if array.len()? == p => array.try_readonly()?.as_array().to_vec(),
-            _ => Numbers::vector("y_t", y_t, p)?,
+        out.map(|out| writable::<Ix1>("out", out, &[n])).transpose()?; // checked first, let go: it may be y_t itself
+        let copied;
+        let array = y_t.cast::<PyArray1<f64>>().ok().filter(|y| y.len() == p).map(|y| y.try_readonly()).transpose()?;
+        let y = match array.as_ref().and_then(|y| y.as_slice().ok()) {
+            Some(y) => y,
+            None => {
+                copied = Numbers::vector("y_t", y_t, p)?;
+                &copied
+            }
         };
-        let estimate = self.core.step_within(&y, limits.as_ref()).map_err(raise)?;
-        Estimate::new(py, estimate, n, p)
+        let estimate = self.core.step_within(y, limits.as_ref()).map_err(raise)?;
+        drop(array);
+        let Some(out) = out else { return Ok(Bound::new(py, Estimate::new(estimate, n, p))?.into_any()) };
+        writable::<Ix1>("out", out, &[n])?.as_slice_mut()?.copy_from_slice(&estimate.x);
+        Ok(out.clone())
+    }
+
+    /// The latest step's Estimate; None before the first.
+    #[getter]
+    fn estimate(&self) -> Option<Estimate> {
+        let estimate = self.core.estimate();
+        (!estimate.x.is_empty()).then(|| Estimate::new(estimate, self.core.n(), self.core.p()))
     }
 
     /// Estimate over a whole log Y (N, p), with the GIL released: the same numbers as N calls of step.
+    ///
+    /// out : float64 array (N, n), optional. It receives the states and is the Log's x.
+    #[pyo3(signature = (Y, out=None))]
     #[allow(non_snake_case)]
-    fn run(&mut self, py: Python<'_>, Y: &Bound<'_, PyAny>) -> PyResult<Log> {
-        let (data, _, columns) = Numbers::matrix("Y", Y, "(N, p)")?;
+    fn run(&mut self, py: Python<'_>, Y: &Bound<'_, PyAny>, out: Option<&Bound<'_, PyAny>>) -> PyResult<Log> {
+        let (data, rows, columns) = Numbers::matrix("Y", Y, "(N, p)")?;
         let (n, p) = (self.core.n(), self.core.p());
         if columns != p {
             return Err(ShapeError::new_err(format!("Y: expected {p} columns, found {columns}")));
         }
+        let room = out.map(|out| writable::<Ix2>("out", out, &[rows, n])).transpose()?;
         let log = py.detach(|| self.core.run(&data)).map_err(raise)?;
-        Log::new(py, log, n, self.core.config().disturbance.is_some())
+        let x = match (out, room) {
+            (Some(out), Some(mut room)) => {
+                room.as_slice_mut()?.copy_from_slice(&log.x);
+                Some(out.cast::<PyArray2<f64>>()?.clone())
+            }
+            _ => None,
+        };
+        Log::new(py, log, n, self.core.config().disturbance.is_some(), x)
     }
 
     /// Back to t = 0, with another prior state if given.
@@ -259,60 +290,79 @@ pub fn rest(value: &Bound<'_, PyAny>, n: usize, p: usize) -> PyResult<(Vec<f64>,
     Ok((Numbers::vector("equilibrium", x, n)?, Numbers::vector("equilibrium", y, p)?))
 }
 
-/// The estimate of one step, with its evidence.
+/// The estimate of one step, with its evidence. Arrays are made when they are first asked for.
 #[pyclass(module = "ddmhe", frozen, name = "Estimate")]
 pub struct Estimate {
-    /// Estimated state (n,), from outputs up to y(t-1).
-    #[pyo3(get)]
-    x: Py<PyArray1<f64>>,
-    /// The whole estimated window (M_t+1, n), oldest first; window[-1] equals x.
-    #[pyo3(get)]
-    window: Py<PyArray2<f64>>,
-    /// Fitted noise (M_t, p); NaN where nothing was measured.
-    #[pyo3(get)]
-    v: Py<PyArray2<f64>>,
-    /// Cost (17) at the estimate.
-    #[pyo3(get)]
-    cost: f64,
-    /// Bound on the Euclidean norm of x's error, with a certificate and the disturbance's size; else None.
-    #[pyo3(get)]
-    bound: Option<f64>,
-    /// "optimal", "almost_optimal", "infeasible" or "failed"; in the last two x is the unconstrained minimiser's.
-    #[pyo3(get)]
-    status: &'static str,
-    /// Number of bounds that the window touches.
-    #[pyo3(get)]
-    active: usize,
-    /// Changes of the active set since the last step (or iterations of the interior-point solver, where that decided).
-    #[pyo3(get)]
-    iterations: u32,
+    core: ddmhe_core::Estimate,
+    n: usize,
+    p: usize,
+    x: PyOnceLock<Py<PyArray1<f64>>>,
+    window: PyOnceLock<Py<PyArray2<f64>>>,
+    v: PyOnceLock<Py<PyArray2<f64>>>,
 }
 
 impl Estimate {
-    fn new(py: Python<'_>, e: &ddmhe_core::Estimate, n: usize, p: usize) -> PyResult<Self> {
-        Ok(Estimate {
-            x: array1(py, &e.x).unbind(),
-            window: array2(py, e.window.clone(), n)?.unbind(),
-            v: array2(py, e.v.clone(), p)?.unbind(),
-            cost: e.cost,
-            bound: e.bound,
-            status: e.status.as_str(),
-            active: e.active,
-            iterations: e.iterations,
-        })
+    fn new(core: &ddmhe_core::Estimate, n: usize, p: usize) -> Self {
+        let (x, window, v) = (PyOnceLock::new(), PyOnceLock::new(), PyOnceLock::new());
+        Estimate { core: core.clone(), n, p, x, window, v }
     }
 }
 
 #[pymethods]
 impl Estimate {
+    /// Estimated state (n,), from outputs up to y(t-1).
+    #[getter]
+    fn x(&self, py: Python<'_>) -> Py<PyArray1<f64>> {
+        self.x.get_or_init(py, || array1(py, &self.core.x).unbind()).clone_ref(py)
+    }
+
+    /// The whole estimated window (M_t+1, n), oldest first; window[-1] equals x.
+    #[getter]
+    fn window(&self, py: Python<'_>) -> PyResult<Py<PyArray2<f64>>> {
+        let made = || array2(py, self.core.window.clone(), self.n).map(Bound::unbind);
+        Ok(self.window.get_or_try_init(py, made)?.clone_ref(py))
+    }
+
+    /// Fitted noise (M_t, p); NaN where nothing was measured.
+    #[getter]
+    fn v(&self, py: Python<'_>) -> PyResult<Py<PyArray2<f64>>> {
+        let made = || array2(py, self.core.v.clone(), self.p).map(Bound::unbind);
+        Ok(self.v.get_or_try_init(py, made)?.clone_ref(py))
+    }
+
+    /// Cost (17) at the estimate.
+    #[getter]
+    fn cost(&self) -> f64 {
+        self.core.cost
+    }
+
+    /// Bound on the Euclidean norm of x's error, with a certificate and the disturbance's size; else None.
+    #[getter]
+    fn bound(&self) -> Option<f64> {
+        self.core.bound
+    }
+
+    /// "optimal", "almost_optimal", "infeasible" or "failed"; in the last two x is the unconstrained minimiser's.
+    #[getter]
+    fn status(&self) -> &'static str {
+        self.core.status.as_str()
+    }
+
+    /// Number of bounds that the window touches.
+    #[getter]
+    fn active(&self) -> usize {
+        self.core.active
+    }
+
+    /// Changes of the active set since the last step (or iterations of the interior-point solver, where that decided).
+    #[getter]
+    fn iterations(&self) -> u32 {
+        self.core.iterations
+    }
+
     fn __repr__(&self, py: Python<'_>) -> String {
-        format!(
-            "Estimate(x={}, status='{}', cost={:.4e}, active={})",
-            self.x.bind(py),
-            self.status,
-            self.cost,
-            self.active
-        )
+        let (x, e) = (self.x(py), &self.core);
+        format!("Estimate(x={}, status='{}', cost={:.4e}, active={})", x.bind(py), e.status.as_str(), e.cost, e.active)
     }
 }
 
@@ -328,9 +378,8 @@ pub struct Log {
     /// Error bound of each step (N,), with a certificate and the disturbance's size; else None.
     #[pyo3(get)]
     bound: Option<Py<PyArray1<f64>>>,
-    /// Status of each step (N,), strings.
-    #[pyo3(get)]
-    status: Py<PyAny>,
+    status: PyOnceLock<Py<PyAny>>,
+    words: Vec<&'static str>,
     /// Number of touched bounds of each step (N,).
     #[pyo3(get)]
     active: Py<PyArray1<i64>>,
@@ -384,18 +433,36 @@ pub fn run_many(py: Python<'_>, estimators: Vec<Bound<'_, PyAny>>, logs: Vec<Bou
     let mut cores: Vec<&mut ddmhe_core::DdMhe> = borrowed.iter_mut().map(|e| &mut e.core).collect();
     let slices: Vec<&[f64]> = data.iter().map(Vec::as_slice).collect();
     let found = py.detach(|| ddmhe_core::run_many(&mut cores, &slices)).map_err(raise)?;
-    found.into_iter().zip(sizes).map(|(log, (n, bounded))| Log::new(py, log, n, bounded)).collect()
+    found.into_iter().zip(sizes).map(|(log, (n, bounded))| Log::new(py, log, n, bounded, None)).collect()
+}
+
+#[pymethods]
+impl Log {
+    /// Status of each step (N,), strings.
+    #[getter]
+    fn status(&self, py: Python<'_>) -> PyResult<Py<PyAny>> {
+        let made =
+            || -> PyResult<Py<PyAny>> { Ok(py.import("numpy")?.call_method1("array", (&self.words, "U16"))?.unbind()) };
+        Ok(self.status.get_or_try_init(py, made)?.clone_ref(py))
+    }
 }
 
 impl Log {
-    fn new(py: Python<'_>, log: ddmhe_core::Log, n: usize, bounded: bool) -> PyResult<Self> {
-        let words: Vec<&str> = log.status.iter().map(|s| s.as_str()).collect();
+    /// With `x` where the states have been written already.
+    fn new(
+        py: Python<'_>,
+        log: ddmhe_core::Log,
+        n: usize,
+        bounded: bool,
+        x: Option<Bound<'_, PyArray2<f64>>>,
+    ) -> PyResult<Self> {
         let whole = |values: Vec<i64>| PyArray1::from_vec(py, values).unbind();
         Ok(Log {
-            x: array2(py, log.x, n)?.unbind(),
+            x: x.map_or_else(|| array2(py, log.x, n), Ok)?.unbind(),
             cost: array1(py, &log.cost).unbind(),
             bound: bounded.then(|| array1(py, &log.bound).unbind()),
-            status: py.import("numpy")?.call_method1("array", (words, "U16"))?.unbind(),
+            status: PyOnceLock::new(),
+            words: log.status.iter().map(|s| s.as_str()).collect(),
             active: whole(log.active.iter().map(|&a| a as i64).collect()),
             iterations: whole(log.iterations.iter().map(|&i| i64::from(i)).collect()),
         })
