@@ -148,7 +148,7 @@ fn step(c: &mut Criterion) {
         time(c, "free", &id, free, &outputs);
         let few = Bounds { lo: vec![-1e3; n], hi: (0..n).map(|i| 0.97 * (1.0 + i as f64)).collect() };
         time(c, "few", &id, build(Config { x_bounds: Some(few), ..config(M, space) }), &outputs);
-        time(c, "many", &id, build(Config { v_bounds: within(0.045, n), ..config(M, space) }), &outputs);
+        time(c, "many", &id, build(Config { v_bounds: within(0.055, n), ..config(M, space) }), &outputs);
         let mut holes = outputs.clone();
         (0..holes.len()).step_by(M * n / 2 + 1).for_each(|k| holes[k] = f64::NAN);
         time(c, "missing", &id, build(config(M, space)), &holes);

@@ -122,21 +122,50 @@ pub(crate) struct Side {
     pub sign: f64,
 }
 
-/// The active bounds of the last call.
+/// The active bounds of the last call, and how they move from call to call.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Kept {
     pub sides: Vec<Side>,
-    factored: bool, // whether Q and R in memory are theirs
+    /// Whether the last call's active bounds were better foretold by those before moved on with the window (a bound that was
+    /// active at a certain time) than by the same rows again (one that is active at a certain age).
+    pub moves: bool,
+    before: Vec<Side>,
+    factored: bool, // whether Q and R in memory are of these sides
 }
 
 impl Kept {
-    pub fn new(sides: Vec<Side>) -> Self {
-        Kept { sides, factored: false }
+    pub fn new(sides: Vec<Side>, moves: bool) -> Self {
+        Kept { sides, moves, before: Vec::new(), factored: false }
+    }
+
+    /// Room for `most` active bounds.
+    pub fn reserve(&mut self, most: usize) {
+        self.sides.reserve(most - self.sides.len());
+        self.before.reserve(most - self.before.len());
     }
 
     pub fn clear(&mut self) {
         self.sides.clear();
         self.factored = false;
+    }
+
+    /// To the bounds that are likely to be active next; `older` is where a row is when the window has moved on by a sample.
+    pub fn foretell(&mut self, older: impl Fn(usize) -> Option<usize>) {
+        self.before.clone_from(&self.sides);
+        if self.moves && !self.sides.is_empty() {
+            self.sides.retain_mut(|side| older(side.row).map(|row| side.row = row).is_some());
+            self.factored = false;
+        }
+    }
+
+    /// Learns from what the active bounds became.
+    pub fn learn(&mut self, older: impl Fn(usize) -> Option<usize>) {
+        let stayed = self.before.iter().filter(|side| self.sides.contains(side)).count();
+        let moved = |side: &&Side| older(side.row).is_some_and(|row| self.sides.contains(&Side { row, ..**side }));
+        let moved = self.before.iter().filter(moved).count();
+        if stayed != moved {
+            self.moves = moved > stayed;
+        }
     }
 }
 
@@ -654,7 +683,7 @@ mod tests {
                 let (lo, hi) = random_bounds(&mut rng, &A, &inside);
                 inside.iter_mut().for_each(|v| *v += rng.random_range(-0.05..0.05));
                 let mut restored = Solver::new(&A);
-                restored.kept = Kept::new(running.kept.sides.clone());
+                restored.kept = Kept::new(running.kept.sides.clone(), false);
                 let (found, again) = (running.solve(&lo, &hi), restored.solve(&lo, &hi));
                 assert!(found.0 == again.0 && (found.1 == again.1 || !matches!(found.0, Outcome::Optimal(_))), "{k}");
                 assert_eq!(running.kept.sides, restored.kept.sides);

@@ -185,9 +185,9 @@ impl DdMhe {
         self.bound.as_ref().map_or(&[], ErrorBound::errors)
     }
 
-    /// Bounds that were active in the last step, in the order in which they were taken in.
-    pub(crate) fn active_bounds(&self) -> &[Side] {
-        &self.kept.sides
+    /// Bounds that were active in the last step, in the order in which they were taken in, and whether they move with time.
+    pub(crate) fn active_bounds(&self) -> (&[Side], bool) {
+        (&self.kept.sides, self.kept.moves)
     }
 
     /// Continues from a saved window.
@@ -195,7 +195,7 @@ impl DdMhe {
         &mut self,
         (outputs, states): (&[f64], &[f64]),
         bounds: Vec<f64>,
-        active: Vec<Side>,
+        (active, moves): (Vec<Side>, bool),
         t: usize,
     ) -> Result<(), Error> {
         let (n, p) = (self.n(), self.p());
@@ -212,7 +212,7 @@ impl DdMhe {
         check_measured("blob", outputs, p)?;
         check_finite("blob", states, n)?;
         self.refill(outputs.iter().copied(), states.iter().copied());
-        self.kept = Kept::new(active);
+        self.kept = Kept::new(active, moves);
         self.reserve();
         self.t = t;
         if let Some(bound) = &mut self.bound {
@@ -250,7 +250,7 @@ impl DdMhe {
         x.reserve(n - x.len());
         window.reserve((depth + 1) * n - window.len());
         v.reserve(depth * p - v.len());
-        self.kept.sides.reserve(rank - self.kept.sides.len());
+        self.kept.reserve(rank);
         if let Some(bound) = &mut self.bound {
             bound.reserve(depth + 2);
         }

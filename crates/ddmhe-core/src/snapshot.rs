@@ -21,6 +21,7 @@ struct Snapshot {
     states: Vec<f64>,
     bounds: Vec<f64>,
     active: Vec<Side>,
+    moves: bool,
     t: usize,
 }
 
@@ -28,13 +29,15 @@ impl DdMhe {
     /// The estimator as bytes, for [`restore`](Self::restore).
     pub fn snapshot(&self) -> Vec<u8> {
         let (outputs, states) = self.window();
+        let (active, moves) = self.active_bounds();
         let snapshot = Snapshot {
             history: self.history().clone(),
             config: self.config().clone(),
             outputs: outputs.to_vec(),
             states: states.to_vec(),
             bounds: self.bounds().to_vec(),
-            active: self.active_bounds().to_vec(),
+            active: active.to_vec(),
+            moves,
             t: self.t(),
         };
         // Writing plain numbers to memory cannot fail.
@@ -52,7 +55,12 @@ impl DdMhe {
         let snapshot: Snapshot = postcard::from_bytes(body).map_err(|_| Error::value("blob", expected, found()))?;
         let history = snapshot.history.revalidated()?;
         let mut mhe = DdMhe::new(&history, snapshot.config)?;
-        mhe.resume((&snapshot.outputs, &snapshot.states), snapshot.bounds, snapshot.active, snapshot.t)?;
+        mhe.resume(
+            (&snapshot.outputs, &snapshot.states),
+            snapshot.bounds,
+            (snapshot.active, snapshot.moves),
+            snapshot.t,
+        )?;
         Ok(mhe)
     }
 }

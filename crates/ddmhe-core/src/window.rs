@@ -182,6 +182,13 @@ impl WindowProblem {
         }
     }
 
+    /// Where a row is when the window has moved on by a sample; None if it has left it.
+    #[inline(always)]
+    fn older(&self, row: usize) -> Option<usize> {
+        let (Shape { n, p, .. }, split) = (self.shape, self.split());
+        if row < split { row.checked_sub(n) } else { (row - split).checked_sub(p).map(|row| split + row) }
+    }
+
     /// Rows of the states, padded; the outputs follow.
     #[inline(always)]
     fn split(&self) -> usize {
@@ -216,7 +223,9 @@ impl WindowProblem {
         vectorised(
             #[inline(always)]
             || {
+                kept.foretell(|row| self.older(row));
                 let found = self.minimise(weights, limits, data, (kept, scratch), v)?;
+                kept.learn(|row| self.older(row));
                 Some(Found { cost: self.cost(weights, data, scratch, v), ..found })
             },
         )

@@ -118,7 +118,8 @@ impl DdMhe {
             x_bounds.map(|v| bounds("x_bounds", v, n, Some(self.core.next_depth()))).transpose()?;
         out.map(|out| writable::<Ix1>("out", out, &[n])).transpose()?; // checked first, let go: it may be y_t itself
         let copied;
-        let array = y_t.cast::<PyArray1<f64>>().ok().filter(|y| y.len() == p).map(|y| y.try_readonly()).transpose()?;
+        let array =
+            y_t.cast::<PyArray1<f64>>().ok().filter(|y| y.len() == p).map(PyArrayMethods::try_readonly).transpose()?;
         let y = match array.as_ref().and_then(|y| y.as_slice().ok()) {
             Some(y) => y,
             None => {
