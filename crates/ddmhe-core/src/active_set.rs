@@ -91,27 +91,27 @@ impl Rows {
         &self.normals[row * self.stride..(row + 1) * self.stride]
     }
 
-    /// The side that is violated most in units of its row's length, if any by more than the tolerance.
+    /// The side that is violated most in units of its row's length, if any by more than the tolerance so many times.
     #[inline(always)]
-    fn worst(&self, w: &[f64], lo: &[f64], hi: &[f64]) -> Option<Side> {
-        let excess = |i: usize, w: f64, lo: f64, hi: f64| {
-            let (below, above) = (lo - w, w - hi);
-            ((if below > above { below } else { above }) - self.slack[i]) * self.inverse[i]
-        };
-        let mut most = [0.0; WIDTH];
-        for first in (0..self.len()).step_by(WIDTH) {
-            let (w, lo, hi) = (&w[first..first + WIDTH], &lo[first..first + WIDTH], &hi[first..first + WIDTH]);
+    fn worst(&self, w: &[f64], lo: &[f64], hi: &[f64], times: f64) -> Option<Side> {
+        // lane by lane: the largest excess and the chunk of eight rows that it is in
+        let (mut most, mut at) = ([0.0_f64; WIDTH], [0.0_f64; WIDTH]);
+        let chunks = w.as_chunks::<WIDTH>().0.iter().zip(lo.as_chunks::<WIDTH>().0).zip(hi.as_chunks::<WIDTH>().0);
+        let rows = self.slack.as_chunks::<WIDTH>().0.iter().zip(self.inverse.as_chunks::<WIDTH>().0);
+        let mut chunk = 0.0;
+        for (((w, lo), hi), (slack, inverse)) in chunks.zip(rows) {
             for i in 0..WIDTH {
-                let e = excess(first + i, w[i], lo[i], hi[i]);
-                most[i] = if e > most[i] { e } else { most[i] };
+                let (below, above) = (lo[i] - w[i], w[i] - hi[i]);
+                let excess = ((if below > above { below } else { above }) - slack[i] * times) * inverse[i];
+                at[i] = if excess > most[i] { chunk } else { at[i] };
+                most[i] = if excess > most[i] { excess } else { most[i] };
             }
+            chunk += WIDTH as f64;
         }
-        let most = most.into_iter().fold(0.0_f64, f64::max);
-        if most == 0.0 {
-            return None;
-        }
-        let row = (0..self.len()).find(|&i| excess(i, w[i], lo[i], hi[i]) == most)?;
-        Some(Side { row, sign: if lo[row] - w[row] >= w[row] - hi[row] { 1.0 } else { -1.0 } })
+        let lane = (1..WIDTH).fold(0, |best, i| if most[i] > most[best] { i } else { best });
+        let row = at[lane] as usize + lane;
+        let sign = if most[lane] > 0.0 && lo[row] - w[row] < w[row] - hi[row] { -1.0 } else { 1.0 };
+        (most[lane] > 0.0).then_some(Side { row, sign })
     }
 }
 
@@ -343,7 +343,7 @@ impl<W: Fn(&[f64], &mut [f64])> Problem<'_, W> {
         let most = tol::ACTIVE_SET_CHANGES as u32 + 4 * self.rows.r as u32;
         loop {
             self.reconstruct(work, z, w);
-            let Some(side) = self.rows.worst(w, self.lo, self.hi) else { break };
+            let Some(side) = self.rows.worst(w, self.lo, self.hi, 1.0) else { break };
             if kept.sides.contains(&side) {
                 return Outcome::Uncertain; // violated although active: accuracy is lost
             }
@@ -488,11 +488,8 @@ impl<W: Fn(&[f64], &mut [f64])> Problem<'_, W> {
         let signs = u.iter().all(|&u| u >= -tol::WRONG_SIGN * size);
         // t = N u only up to rounding of that sum, and by so much t may miss the minimiser
         let accurate = u.iter().map(|u| u.abs()).sum::<f64>() <= tol::MULTIPLIERS * size;
-        let inside = |i: usize| {
-            let slack = tol::ACTIVE_SET * self.rows.unit[i];
-            w[i] >= self.lo[i] - slack && w[i] <= self.hi[i] + slack
-        };
-        signs && accurate && (0..self.rows.len()).all(inside)
+        let inside = self.rows.worst(w, self.lo, self.hi, tol::ACTIVE_SET / tol::VIOLATED).is_none();
+        signs && accurate && inside
     }
 }
 

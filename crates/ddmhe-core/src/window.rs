@@ -18,7 +18,7 @@
 
 use crate::active_set::{Kept, Outcome, Problem, Rows, Side, solve_transposed};
 use crate::config::Bounds;
-use crate::panels::{Panels, dot, margin, padded, vectorised, weighted_square};
+use crate::panels::{Panels, WIDTH, dot, margin, padded, vectorised, weighted_square};
 use crate::qp::{self, Status};
 use crate::reduction::{Reduced, Shape, reduce};
 use crate::space::{Scaling, TrajectorySpace};
@@ -283,8 +283,8 @@ impl WindowProblem {
             s.lo[..split].copy_from_slice(&self.x_lo);
             s.hi[..split].copy_from_slice(&self.x_hi);
         }
-        self.limits_of_outputs(limits, data.outputs, (&mut s.lo[split..], &mut s.hi[split..]));
         let len = self.rows.len();
+        self.limits_of_outputs(limits, data, (&mut s.lo[split..len], &mut s.hi[split..len]));
         let (lo, hi) = (&s.lo[..len], &s.hi[..len]);
         if room >= -tol::FEASIBLE {
             return found(self.touched(s.window, lo, hi));
@@ -356,23 +356,36 @@ impl WindowProblem {
 
     /// v = y - ŷ in [lo, hi]  ⇔  ŷ in [y - hi, y - lo], into lo and hi, in deviations.
     #[inline(always)]
-    fn limits_of_outputs(&self, limits: &Limits, outputs: &[f64], (lo, hi): (&mut [f64], &mut [f64])) {
-        lo.fill(f64::NEG_INFINITY);
-        hi.fill(f64::INFINITY);
+    fn limits_of_outputs(&self, limits: &Limits, data: &Data<'_>, (lo, hi): (&mut [f64], &mut [f64])) {
+        let used = if limits.v.is_some() { data.outputs.len() } else { 0 };
+        lo[used..].fill(f64::NEG_INFINITY);
+        hi[used..].fill(f64::INFINITY);
         let Some(v) = &limits.v else { return };
         let scale = self.per_unit.1;
-        for (i, y) in outputs.iter().enumerate().filter(|(_, y)| y.is_finite()) {
-            (lo[i], hi[i]) = (y - v.hi[i] * scale, y - v.lo[i] * scale);
+        for ((lo, y), v) in lo.iter_mut().zip(data.outputs).zip(&v.hi) {
+            *lo = y - v * scale;
+        }
+        for ((hi, y), v) in hi.iter_mut().zip(data.outputs).zip(&v.lo) {
+            *hi = y - v * scale;
+        }
+        if data.missing {
+            lo[..used].iter_mut().filter(|lo| lo.is_nan()).for_each(|lo| *lo = f64::NEG_INFINITY);
+            hi[..used].iter_mut().filter(|hi| hi.is_nan()).for_each(|hi| *hi = f64::INFINITY);
         }
     }
 
     /// Number of bounds that the window touches.
+    #[inline(always)]
     fn touched(&self, window: &[f64], lo: &[f64], hi: &[f64]) -> usize {
-        let touches = |i: usize| {
-            let (w, near) = (window[i], tol::ACTIVE_SET * self.rows.unit()[i]);
-            (w - lo[i]).abs() <= near || (w - hi[i]).abs() <= near
-        };
-        (0..lo.len()).filter(|&i| touches(i)).count()
+        let mut count = [0_u64; WIDTH];
+        let chunks = window.as_chunks::<WIDTH>().0.iter().zip(lo.as_chunks::<WIDTH>().0).zip(hi.as_chunks::<WIDTH>().0);
+        for (((w, lo), hi), unit) in chunks.zip(self.rows.unit().as_chunks::<WIDTH>().0) {
+            for i in 0..WIDTH {
+                let near = tol::ACTIVE_SET * unit[i];
+                count[i] += u64::from(((w[i] - lo[i]).abs() <= near) | ((w[i] - hi[i]).abs() <= near));
+            }
+        }
+        count.iter().sum::<u64>() as usize
     }
 
     /// z* without the outputs that were not measured: true with the factor of the Hessian in the scratch, false where the problem
