@@ -1,5 +1,6 @@
 """Behaviour of the estimator as a user meets it."""
 
+import copy
 import threading
 
 import numpy as np
@@ -281,6 +282,32 @@ def test_many_runs_are_the_single_ones():
         ddmhe.run_many(estimators[:2], [outputs[0], outputs[1][:, :2]])
     with pytest.raises(ddmhe.DdmheError, match="estimators"):
         ddmhe.run_many([1.0], outputs[:1])
+
+
+def test_many_logs_continue_from_copies_of_one_estimator(recorded):
+    """The estimator itself stays where it is; copies go on alone."""
+    _, x, y, _, outputs = recorded
+    est = ddmhe.DdMhe(ddmhe.History(x, y), horizon=12, v_bounds=(-0.1, 0.1))
+    est.run(outputs[:30])
+    logs = [outputs[30:] * (1 + 0.01 * k) for k in range(9)]
+    expected = [copy.copy(est).run(log) for log in logs]
+    assert not np.array_equal(expected[0].x, expected[8].x)
+    for a, b in zip(ddmhe.run_many(est, logs), expected, strict=True):
+        np.testing.assert_array_equal(a.x, b.x)
+    assert est.t == 30
+    np.testing.assert_array_equal(copy.deepcopy(est).step(logs[0][0]).x, expected[0].x[0])
+
+
+def test_many_recordings_get_an_estimator_each(recorded):
+    _, x, y, _, outputs = recorded
+    histories = [ddmhe.History(x[k : k + 50], y[k : k + 49]) for k in range(5)]
+    logs = [outputs] * 5
+    for found, history in zip(ddmhe.run_many(histories, logs), histories, strict=True):
+        np.testing.assert_array_equal(found.x, ddmhe.DdMhe(history).run(outputs).x)
+    with pytest.raises(ddmhe.DdmheError, match="the same throughout, found"):
+        ddmhe.run_many([histories[0], ddmhe.DdMhe(histories[0])], logs[:2])
+    with pytest.raises(ddmhe.DdmheError, match="estimators: expected a DdMhe or a list"):
+        ddmhe.run_many(3.0, logs)
 
 
 def test_states_can_be_written_into_arrays_of_the_caller(recorded):

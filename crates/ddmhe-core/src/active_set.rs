@@ -16,7 +16,7 @@
 //!
 //! Nothing here allocates: the numbers live in the caller's memory, [`work_len`] of them.
 
-use crate::panels::{WIDTH, axpy, dot, padded};
+use crate::panels::{WIDTH, axpy, dot, each, padded};
 use crate::tol;
 use faer::MatRef;
 use serde::{Deserialize, Serialize};
@@ -100,12 +100,12 @@ impl Rows {
         let rows = self.slack.as_chunks::<WIDTH>().0.iter().zip(self.inverse.as_chunks::<WIDTH>().0);
         let mut chunk = 0.0;
         for (((w, lo), hi), (slack, inverse)) in chunks.zip(rows) {
-            for i in 0..WIDTH {
-                let (below, above) = (lo[i] - w[i], w[i] - hi[i]);
-                let excess = ((if below > above { below } else { above }) - slack[i] * times) * inverse[i];
-                at[i] = if excess > most[i] { chunk } else { at[i] };
-                most[i] = if excess > most[i] { excess } else { most[i] };
-            }
+            let (below, above) = (each(*lo, *w, |l, w| l - w), each(*w, *hi, |w, h| w - h));
+            let excess = each(below, above, |below, above| if below > above { below } else { above });
+            let excess = each(each(excess, *slack, |e, slack| e - slack * times), *inverse, |e, inverse| e * inverse);
+            let larger = each(excess, most, |e, most| if e > most { 1.0 } else { 0.0 });
+            at = each(at, larger, |at, larger| if larger > 0.0 { chunk } else { at });
+            most = each(most, excess, |most, e| if e > most { e } else { most });
             chunk += WIDTH as f64;
         }
         let lane = (1..WIDTH).fold(0, |best, i| if most[i] > most[best] { i } else { best });
@@ -169,14 +169,20 @@ impl Kept {
     }
 }
 
+/// What reconstructs windows.
+pub(crate) trait Windows {
+    /// c + A z (padded) from z.
+    fn window(&self, z: &[f64], window: &mut [f64]);
+}
+
 /// One problem. Its window is c + A z for z = z* + t, or z* + L⁻ᵀt for a Hessian L Lᵀ.
-pub(crate) struct Problem<'a, W: Fn(&[f64], &mut [f64])> {
+pub(crate) struct Problem<'a, W: Windows> {
     pub rows: &'a Rows,
     pub lo: &'a [f64],
     pub hi: &'a [f64],
     pub free: &'a [f64],           // z*, padded
     pub metric: Option<&'a [f64]>, // L by rows of `stride` numbers
-    pub window: W,                 // z to c + A z, padded
+    pub windows: &'a W,
 }
 
 /// Numbers that [`solve`] works with at rank r.
@@ -300,7 +306,7 @@ impl<'a> Work<'a> {
     }
 }
 
-impl<W: Fn(&[f64], &mut [f64])> Problem<'_, W> {
+impl<W: Windows> Problem<'_, W> {
     /// Into z and its window w (both padded), starting from the kept active bounds and leaving the new ones there. z and w say nothing unless the outcome
     /// is [`Outcome::Optimal`].
     #[inline(always)]
@@ -477,7 +483,7 @@ impl<W: Fn(&[f64], &mut [f64])> Problem<'_, W> {
         for ((z, free), t) in z[..r].iter_mut().zip(self.free).zip(&*work.back) {
             *z = free + t;
         }
-        (self.window)(&z[..r], w);
+        self.windows.window(&z[..r], w);
     }
 
     /// Whether every row is inside its bounds and every multiplier has its sign.
@@ -514,6 +520,12 @@ mod tests {
 
     const INF: f64 = f64::INFINITY;
 
+    impl Windows for Mat<f64> {
+        fn window(&self, z: &[f64], w: &mut [f64]) {
+            (0..self.nrows()).for_each(|i| w[i] = z.iter().enumerate().map(|(j, z)| self[(i, j)] * z).sum());
+        }
+    }
+
     /// The method with its memory, about z* = 0 and with windows A z.
     struct Solver {
         A: Mat<f64>,
@@ -539,12 +551,9 @@ mod tests {
             let (mut lo, mut hi) = (lo.to_vec(), hi.to_vec());
             lo.resize(len, -INF);
             hi.resize(len, INF);
-            let window = |z: &[f64], w: &mut [f64]| {
-                (0..len).for_each(|i| w[i] = (0..r).map(|j| self.A[(i, j)] * z[j]).sum());
-            };
             let free = vec![0.0; padded(r)];
             let (mut z, mut w) = (vec![0.0; padded(r)], vec![0.0; len]);
-            let problem = Problem { rows: &self.rows, lo: &lo, hi: &hi, free: &free, metric: None, window };
+            let problem = Problem { rows: &self.rows, lo: &lo, hi: &hi, free: &free, metric: None, windows: &self.A };
             let outcome = problem.solve(&mut self.kept, &mut self.memory, &mut z, &mut w);
             z.truncate(r);
             (outcome, z)

@@ -81,7 +81,7 @@ pub use estimate::{Estimate, Log};
 pub use hankel::{BlockHankel, RankReport};
 pub use history::History;
 pub use interval::Interval;
-pub use many::run_many;
+pub use many::{build_many, run_copies, run_many};
 pub use mhe::DdMhe;
 pub use observer::{IntervalEstimate, IntervalObserver};
 pub use qp::Status;

@@ -133,7 +133,7 @@ pub(crate) fn margin(values: &[f64], lo: &[f64], hi: &[f64]) -> f64 {
 
 /// The smaller one, b if a is NaN.
 #[inline(always)]
-fn smaller(a: f64, b: f64) -> f64 {
+pub(crate) fn smaller(a: f64, b: f64) -> f64 {
     if a < b { a } else { b }
 }
 
@@ -152,7 +152,7 @@ pub(crate) fn weighted_square(weights: &[f64], v: &[f64]) -> f64 {
 }
 
 #[inline(always)]
-fn each(a: [f64; WIDTH], b: [f64; WIDTH], f: impl Fn(f64, f64) -> f64) -> [f64; WIDTH] {
+pub(crate) fn each(a: [f64; WIDTH], b: [f64; WIDTH], f: impl Fn(f64, f64) -> f64) -> [f64; WIDTH] {
     let mut out = a;
     out.iter_mut().zip(b).for_each(|(a, b)| *a = f(*a, b));
     out
@@ -160,7 +160,7 @@ fn each(a: [f64; WIDTH], b: [f64; WIDTH], f: impl Fn(f64, f64) -> f64) -> [f64; 
 
 /// Eight values to one, by halves.
 #[inline(always)]
-fn halve(mut x: [f64; WIDTH], join: impl Fn(f64, f64) -> f64) -> f64 {
+pub(crate) fn halve(mut x: [f64; WIDTH], join: impl Fn(f64, f64) -> f64) -> f64 {
     for half in [WIDTH / 2, WIDTH / 4, WIDTH / 8] {
         (0..half).for_each(|i| x[i] = join(x[i], x[i + half]));
     }

@@ -16,9 +16,9 @@
 //! *Missing outputs.* Without the rows J of the cost the Hessian is I - Σ A_kᵀ D_k A_k over the samples k with a missing entry, D_k
 //! what their weight loses: an r × r matrix, factored at the step instead of the whole problem.
 
-use crate::active_set::{Kept, Outcome, Problem, Rows, Side, solve_transposed};
+use crate::active_set::{Kept, Outcome, Problem, Rows, Side, Windows, solve_transposed};
 use crate::config::Bounds;
-use crate::panels::{Panels, WIDTH, dot, margin, padded, vectorised, weighted_square};
+use crate::panels::{Panels, WIDTH, dot, each, halve, margin, padded, smaller, vectorised, weighted_square};
 use crate::qp::{self, Status};
 use crate::reduction::{Reduced, Shape, reduce};
 use crate::space::{Scaling, TrajectorySpace};
@@ -195,15 +195,6 @@ impl WindowProblem {
         self.x_lo.len()
     }
 
-    /// c + A z.
-    #[inline(always)]
-    fn window(&self, z: &[f64], window: &mut [f64]) {
-        let (x, y) = window.split_at_mut(self.split());
-        let (c_x, c_y) = self.rows.offset().split_at(self.split());
-        self.states.tall(c_x, z, x);
-        self.outputs.tall(c_y, z, y);
-    }
-
     /// z* for outputs without NaN.
     #[inline(always)]
     fn minimiser(&self, prior: &[f64], outputs: &[f64], z: &mut [f64]) {
@@ -289,8 +280,7 @@ impl WindowProblem {
         if room >= -tol::FEASIBLE {
             return found(self.touched(s.window, lo, hi));
         }
-        let problem =
-            Problem { rows: &self.rows, lo, hi, free, metric, window: |z: &[f64], w: &mut [f64]| self.window(z, w) };
+        let problem = Problem { rows: &self.rows, lo, hi, free, metric, windows: self };
         let (status, iterations) = match problem.solve(kept, s.work, s.z, s.window) {
             Outcome::Optimal(changes) => (Status::Optimal, changes),
             Outcome::Infeasible(changes) => {
@@ -377,15 +367,14 @@ impl WindowProblem {
     /// Number of bounds that the window touches.
     #[inline(always)]
     fn touched(&self, window: &[f64], lo: &[f64], hi: &[f64]) -> usize {
-        let mut count = [0_u64; WIDTH];
+        let mut count = [0.0; WIDTH];
         let chunks = window.as_chunks::<WIDTH>().0.iter().zip(lo.as_chunks::<WIDTH>().0).zip(hi.as_chunks::<WIDTH>().0);
         for (((w, lo), hi), unit) in chunks.zip(self.rows.unit().as_chunks::<WIDTH>().0) {
-            for i in 0..WIDTH {
-                let near = tol::ACTIVE_SET * unit[i];
-                count[i] += u64::from(((w[i] - lo[i]).abs() <= near) | ((w[i] - hi[i]).abs() <= near));
-            }
+            let (below, above) = (each(*w, *lo, |w, l| (w - l).abs()), each(*w, *hi, |w, h| (w - h).abs()));
+            let near = each(each(below, above, smaller), *unit, |d, unit| d - tol::ACTIVE_SET * unit);
+            count = each(count, near, |count, near| if near <= 0.0 { count + 1.0 } else { count });
         }
-        count.iter().sum::<u64>() as usize
+        halve(count, |a, b| a + b) as usize
     }
 
     /// z* without the outputs that were not measured: true with the factor of the Hessian in the scratch, false where the problem
@@ -437,12 +426,7 @@ impl WindowProblem {
 
     /// Clarabel, where the active-set method is not certain.
     #[cold]
-    fn interior_point<W: Fn(&[f64], &mut [f64])>(
-        &self,
-        problem: &Problem<'_, W>,
-        z: &mut [f64],
-        window: &mut [f64],
-    ) -> (Status, u32) {
+    fn interior_point(&self, problem: &Problem<'_, Self>, z: &mut [f64], window: &mut [f64]) -> (Status, u32) {
         let r = self.rank();
         self.window(&problem.free[..r], window);
         let bounded: Vec<usize> =
@@ -464,6 +448,16 @@ impl WindowProblem {
         (0..r).for_each(|i| z[i] = problem.free[i] + solution.t[i]);
         self.window(&z[..r], window);
         (solution.status, solution.iterations)
+    }
+}
+
+impl Windows for WindowProblem {
+    #[inline(always)]
+    fn window(&self, z: &[f64], window: &mut [f64]) {
+        let (x, y) = window.split_at_mut(self.split());
+        let (c_x, c_y) = self.rows.offset().split_at(self.split());
+        self.states.tall(c_x, z, x);
+        self.outputs.tall(c_y, z, y);
     }
 }
 

@@ -134,6 +134,15 @@ impl DdMhe {
         Ok(out.clone())
     }
 
+    /// A copy that continues on its own from the same window; what was computed at construction is shared.
+    fn __copy__(&self) -> Self {
+        DdMhe { core: self.core.clone() }
+    }
+
+    fn __deepcopy__(&self, _memo: &Bound<'_, PyAny>) -> Self {
+        self.__copy__() // what is shared never changes
+    }
+
     /// The latest step's Estimate; None before the first.
     #[getter]
     fn estimate(&self) -> Option<Estimate> {
@@ -389,12 +398,13 @@ pub struct Log {
     iterations: Py<PyArray1<i64>>,
 }
 
-/// Run many estimators over as many logs on all cores, with the GIL released: the same numbers as estimator.run(Y) for each.
+/// Run many logs on all cores, with the GIL released: the same numbers as estimator.run(Y) for each.
 ///
 /// Parameters
 /// ----------
-/// estimators : list of DdMhe
-///     Each only once: a run moves its window on.
+/// estimators : DdMhe, list of DdMhe or list of History
+///     One estimator: each log continues from a copy of it, and it does not move itself. A list of estimators, one a log, each
+///     only once: a run moves its window on. A list of recordings, one a log: an estimator with default settings for each.
 /// logs : list of arrays (N_i, p_i)
 ///
 /// Returns
@@ -403,38 +413,82 @@ pub struct Log {
 ///
 /// Raises
 /// ------
-/// ShapeError, NotFiniteError, DdmheError
-///     As run, for the first log at fault; nothing has run if a shape is wrong.
+/// ShapeError, NotFiniteError, RankError, DdmheError
+///     As DdMhe and run, for the first log at fault; nothing has run if a shape is wrong.
 #[pyfunction]
-pub fn run_many(py: Python<'_>, estimators: Vec<Bound<'_, PyAny>>, logs: Vec<Bound<'_, PyAny>>) -> PyResult<Vec<Log>> {
+pub fn run_many(py: Python<'_>, estimators: &Bound<'_, PyAny>, logs: &Bound<'_, PyAny>) -> PyResult<Vec<Log>> {
+    let logs: Vec<Bound<'_, PyAny>> = items("logs", "a list of arrays", logs)?;
+    if let Ok(one) = estimators.cast::<DdMhe>() {
+        let one = one.try_borrow().map_err(|_| in_use(0))?;
+        let data = columns(&logs, |_| one.core.p())?;
+        let slices: Vec<&[f64]> = data.iter().map(Vec::as_slice).collect();
+        let core = &one.core;
+        let found = py.detach(|| ddmhe_core::run_copies(core, &slices)).map_err(raise)?;
+        let (n, bounded) = (one.core.n(), one.core.config().disturbance.is_some());
+        return found.into_iter().map(|log| Log::new(py, log, n, bounded, None)).collect();
+    }
+    let estimators = items("estimators", "a DdMhe or a list of DdMhe or of History", estimators)?;
     if estimators.len() != logs.len() {
         let (expected, found) = (estimators.len(), logs.len());
         return Err(ShapeError::new_err(format!("logs: expected {expected}, one per estimator, found {found}")));
     }
+    if !estimators.is_empty() && estimators.iter().all(|item| item.cast::<History>().is_ok()) {
+        let histories: Vec<&History> =
+            estimators.iter().map(|item| cast_history("estimators", item)).collect::<PyResult<_>>()?;
+        let data = columns(&logs, |k| histories[k].core.p())?;
+        let (histories, slices): (Vec<_>, Vec<&[f64]>) =
+            histories.iter().zip(&data).map(|(h, log)| (&h.core, log.as_slice())).unzip();
+        let found = py.detach(|| {
+            let mut built = ddmhe_core::build_many(&histories, &Config::default())?;
+            ddmhe_core::run_many(&mut built.iter_mut().collect::<Vec<_>>(), &slices)
+        });
+        let sizes = histories.iter().map(|history| history.n());
+        return found
+            .map_err(raise)?
+            .into_iter()
+            .zip(sizes)
+            .map(|(log, n)| Log::new(py, log, n, false, None))
+            .collect();
+    }
     let mut borrowed = Vec::with_capacity(estimators.len());
     for (k, item) in estimators.iter().enumerate() {
-        let estimator = item
-            .cast::<DdMhe>()
-            .map_err(|_| DdmheError::new_err(format!("estimators: expected DdMhe, found another type at {k}")))?;
-        borrowed.push(estimator.try_borrow_mut().map_err(|_| {
-            DdmheError::new_err(format!("estimators: expected each only once, found number {k} in use already"))
-        })?);
+        let estimator = item.cast::<DdMhe>().map_err(|_| {
+            DdmheError::new_err(format!(
+                "estimators: expected DdMhe or History, the same throughout, found {} at {k}",
+                item.get_type()
+            ))
+        })?;
+        borrowed.push(estimator.try_borrow_mut().map_err(|_| in_use(k))?);
     }
-    let mut data = Vec::with_capacity(logs.len());
-    for (k, (log, estimator)) in logs.iter().zip(&borrowed).enumerate() {
-        let (values, _, columns) = Numbers::matrix("logs", log, "(N, p)")?;
-        let p = estimator.core.p();
-        if columns != p {
-            return Err(ShapeError::new_err(format!("logs: expected {p} columns in number {k}, found {columns}")));
-        }
-        data.push(values);
-    }
+    let data = columns(&logs, |k| borrowed[k].core.p())?;
     let sizes: Vec<(usize, bool)> =
         borrowed.iter().map(|e| (e.core.n(), e.core.config().disturbance.is_some())).collect();
     let mut cores: Vec<&mut ddmhe_core::DdMhe> = borrowed.iter_mut().map(|e| &mut e.core).collect();
     let slices: Vec<&[f64]> = data.iter().map(Vec::as_slice).collect();
     let found = py.detach(|| ddmhe_core::run_many(&mut cores, &slices)).map_err(raise)?;
     found.into_iter().zip(sizes).map(|(log, (n, bounded))| Log::new(py, log, n, bounded, None)).collect()
+}
+
+fn in_use(k: usize) -> PyErr {
+    DdmheError::new_err(format!("estimators: expected each only once, found number {k} in use already"))
+}
+
+fn items<'py>(argument: &str, expected: &str, value: &Bound<'py, PyAny>) -> PyResult<Vec<Bound<'py, PyAny>>> {
+    let wrong = |_| DdmheError::new_err(format!("{argument}: expected {expected}, found {}", value.get_type()));
+    value.try_iter().map_err(wrong)?.collect()
+}
+
+/// The numbers of each log, which must have p(k) columns.
+fn columns(logs: &[Bound<'_, PyAny>], p: impl Fn(usize) -> usize) -> PyResult<Vec<Vec<f64>>> {
+    let log = |(k, log): (usize, &Bound<'_, PyAny>)| {
+        let (values, _, columns) = Numbers::matrix("logs", log, "(N, p)")?;
+        let expected = p(k);
+        if columns == expected {
+            return Ok(values);
+        }
+        Err(ShapeError::new_err(format!("logs: expected {expected} columns in number {k}, found {columns}")))
+    };
+    logs.iter().enumerate().map(log).collect()
 }
 
 #[pymethods]
