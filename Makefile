@@ -1,7 +1,7 @@
 # Needs Python >= 3.10 and Rust, nothing else; PYTHON=python3.12 names the interpreter of a new .venv.
 .DEFAULT_GOAL := help
 .NOTPARALLEL:
-.PHONY: help setup packages demo test lint bench wheel test-wheel study-defaults study-certificates study-tuning study-sensitivity study-reproduction study-intervals clean
+.PHONY: help setup packages demo test lint bench bench-latency bench-peers instructions wheel test-wheel study-defaults study-certificates study-tuning study-sensitivity study-reproduction study-intervals clean
 
 PY := .venv/bin/python
 # The build belongs to .venv, whatever environment the shell is in.
@@ -42,6 +42,20 @@ rust-components:
 bench: setup ## time of the core's operations
 	cargo bench --workspace --locked
 
+instructions: ## instructions of a step (callgrind) against benches/instructions.json
+	cargo build --release --locked -p ddmhe-core --example instructions
+	python3 benches/instructions.py
+
+bench-latency: ## ten million steps: percentiles, the longest, allocations
+	cargo bench --locked -p ddmhe-core --bench latency
+
+# An environment of its own: the solvers are many and large.
+bench-peers: wheel ## the same windows through every solver a user could pick; docs/benchmarks.md
+	test -d .venv-peers || $(PY) -m venv .venv-peers
+	.venv-peers/bin/pip install --quiet --disable-pip-version-check -r benches/peers/requirements.txt
+	.venv-peers/bin/pip install --quiet --disable-pip-version-check --force-reinstall dist/*.whl
+	.venv-peers/bin/python benches/peers --docs docs/benchmarks.md
+
 wheel: setup ## a wheel in dist/
 	rm -rf dist
 	$(PY) -m maturin build --release --locked --out dist
@@ -73,5 +87,5 @@ study-reproduction: setup ## every experiment of both papers; docs/claims.md and
 	cp ddmhe-reproduce/tables.md docs/reproduce-tables.md
 
 clean: ## removes everything that was made
-	rm -rf .venv target dist ddmhe-demo ddmhe-design ddmhe-tune ddmhe-reproduce ddmhe-interval python/ddmhe/_core*.so .mypy_cache .pytest_cache .ruff_cache
+	rm -rf .venv .venv-peers target dist ddmhe-demo ddmhe-design ddmhe-tune ddmhe-reproduce ddmhe-interval python/ddmhe/_core*.so .mypy_cache .pytest_cache .ruff_cache
 	find python tests -name __pycache__ -prune -exec rm -rf {} +

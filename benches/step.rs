@@ -6,42 +6,12 @@
 //! last step's active set), `many` (a box on the fitted noise that cuts at almost every sample), `missing` (one output entry
 //! absent in the window). Ratios within one run are what to compare.
 
+mod data;
+
 use criterion::{Criterion, criterion_group, criterion_main};
-use ddmhe_core::{Bounds, Config, DdMhe, History, Space};
-use rand::{RngExt, SeedableRng};
-use rand_chacha::ChaCha8Rng;
+use data::{config, recorded, within};
+use ddmhe_core::{Bounds, Config, DdMhe, Space};
 use std::hint::black_box;
-
-/// Noisy recording (T samples) and online outputs of slowly decaying rotations (the last state of an odd n decays alone) seen
-/// through n outputs.
-fn data(n: usize, T: usize, steps: usize) -> (History, Vec<f64>) {
-    let mut rng = ChaCha8Rng::seed_from_u64(1);
-    let mut noise = |size: f64| rng.random_range(-size..size);
-    let mut state: Vec<f64> = (0..n).map(|i| 1.0 + i as f64).collect();
-    let (mut x, mut y) = (state.clone(), Vec::new());
-    for _ in 0..T + steps {
-        y.extend(state.iter().map(|v| v + noise(0.05)));
-        for (i, pair) in state.chunks_mut(2).enumerate() {
-            let (s, c) = (0.1 + 0.3 * i as f64).sin_cos();
-            match pair {
-                [a, b] => (*a, *b) = (0.999 * (c * *a - s * *b), 0.999 * (s * *a + c * *b)),
-                [a] => *a *= 0.995,
-                _ => {}
-            }
-        }
-        x.extend(&state);
-    }
-    let history = History::new(n, n, &x[..(T + 1) * n], &y[..T * n], 0.1).expect("sizes fit");
-    (history, y[T * n..].to_vec())
-}
-
-fn config(horizon: usize, space: Space) -> Config {
-    Config { horizon: Some(horizon), rho: Some(0.95), mu: Some(0.1), space, ..Config::default() }
-}
-
-fn within(size: f64, width: usize) -> Option<Bounds> {
-    Some(Bounds { lo: vec![-size; width], hi: vec![size; width] })
-}
 
 /// The bare arithmetic of one step: z = K f, w = c + A z, is lo ≤ w ≤ hi. Matrices by blocks of eight rows, sums in registers.
 struct Floor {
@@ -131,7 +101,7 @@ fn step(c: &mut Criterion) {
         (6, 50, rank(20)),
         (3, 20, Space::Auto),
     ] {
-        let (history, outputs) = data(n, 200, 600);
+        let (history, outputs) = recorded(n, 200, 600);
         let build = |config: Config| DdMhe::new(&history, config).expect("valid settings");
         let free = build(Config { x_bounds: within(1e3, n), v_bounds: within(1e3, n), ..config(M, space) });
         let id = format!("n={n},M={M},r={}", free.settings().rank);
@@ -159,7 +129,7 @@ fn step(c: &mut Criterion) {
 fn recording(c: &mut Criterion) {
     let space = Space::Truncated { rank: Some(5), tol: None };
     for T in [200, 2000] {
-        let (history, outputs) = data(3, T, 600);
+        let (history, outputs) = recorded(3, T, 600);
         let mhe =
             DdMhe::new(&history, Config { x_bounds: within(1e3, 3), ..config(20, space) }).expect("valid settings");
         time(c, "recording", &format!("T={T}"), mhe, &outputs);
@@ -172,7 +142,7 @@ fn construction(c: &mut Criterion) {
     let full = [(2, 200, 20), (2, 200, 50), (4, 200, 20), (2, 2000, 20), (3, 2000, 50)].map(|case| (case, Space::Auto));
     let truncated = ((3, 2000, 50), Space::Truncated { rank: Some(20), tol: None });
     for ((n, T, M), space) in full.into_iter().chain([truncated]) {
-        let (history, _) = data(n, T, 1);
+        let (history, _) = recorded(n, T, 1);
         group.bench_function(format!("n={n},T={T},M={M},{space:?}"), |b| {
             b.iter(|| DdMhe::new(black_box(&history), config(M, space)).expect("valid settings").spectral_radius());
         });

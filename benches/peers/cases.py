@@ -1,7 +1,8 @@
 """The problems: recordings, the estimator that solves them, and the same windows as quadratic programmes.
 
-The reduction here is written anew in NumPy and shares nothing with the package: mean window and leading singular directions of
-the scaled recorded windows, then a QR decomposition of the weighted cost rows. What is left of (16), (17) at each step is
+The reduction here is written anew in NumPy and shares nothing with the package: mean window and leading singular
+directions of the scaled recorded windows, then a QR decomposition of the weighted cost rows. What is left of (16), (17)
+at each step is
 
     minimise 1/2 |t|^2  subject to  lower <= A t <= upper
 
@@ -89,7 +90,7 @@ class Case:
 
 
 class Reduced:
-    """The windows of a case as least-distance problems: A (m, r), lower and upper (steps, m), and what gives x from t."""
+    """The windows of a case as least-distance problems: A (m, r), lower and upper (steps, m); x from t."""
 
     def __init__(self, case: Case) -> None:
         M, n, p = case.horizon, case.x.shape[1], case.y.shape[1]

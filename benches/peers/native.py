@@ -7,7 +7,6 @@ import tarfile
 from pathlib import Path
 
 import numpy as np
-
 from cases import Array, Reduced
 
 HERE = Path(__file__).parent

@@ -4,7 +4,6 @@ import importlib
 from collections.abc import Callable
 
 import numpy as np
-
 from cases import RHO, Array, Case
 
 Estimate = Callable[[int], Array]

@@ -1,10 +1,9 @@
-"""Peers on the reduced quadratic programme: each a function that prepares a case and returns one that solves its window k."""
+"""Peers on the reduced quadratic programme: functions that prepare a case and return one that solves its window k."""
 
 import importlib
 from collections.abc import Callable, Iterator
 
 import numpy as np
-
 from cases import Array, Case, Reduced
 
 Solve = Callable[[int], tuple[Array | None, bool]]
@@ -148,7 +147,7 @@ def cvxpy_reduced(q: Reduced, solver: str) -> Solve:
 
 
 def cvxpy_verbatim(case: Case, solver: str) -> Solve:
-    """Cvxpy on (16) as printed, over alpha, without bounds on the rank; its answer is another estimator's when the rank is cut."""
+    """Cvxpy on (16) as printed, over alpha, every direction of the data: another estimator where the rank is cut."""
     cp = importlib.import_module("cvxpy")
     q, M = case.reduced, case.horizon
     n, p = case.x.shape[1], case.y.shape[1]
@@ -192,7 +191,7 @@ def contestants(case: Case) -> Iterator[tuple[str, Callable[[], Solve], int]]:
     yield "DAQP (Python)", lambda: daqp(q), 200
     yield "DAQP (Python), 1e-11", lambda: daqp(q, 1e-11), 200
     yield "PIQP", lambda: piqp(q), 50
-    yield "PIQP, 1e-11", lambda: piqp(q, 1e-11), 50
+    yield "PIQP, 1e-10", lambda: piqp(q, 1e-10), 20
     yield "ProxQP", lambda: proxqp(q), 50
     yield "ProxQP, 1e-10", lambda: proxqp(q, 1e-10), 50
     yield "OSQP", lambda: osqp(q), 50
