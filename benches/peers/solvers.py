@@ -140,7 +140,10 @@ def cvxpy_reduced(q: Reduced, solver: str) -> Solve:
 
     def solve(k: int) -> tuple[Array | None, bool]:
         lower.value, upper.value = q.lower[k], q.upper[k]
-        problem.solve(solver=solver)
+        try:
+            problem.solve(solver=solver)
+        except cp.error.SolverError:
+            return None, False
         return t.value, problem.status == "optimal"
 
     return solve
@@ -163,7 +166,10 @@ def cvxpy_verbatim(case: Case, solver: str) -> Solve:
     def solve(k: int) -> tuple[Array | None, bool]:
         step = case.steps[k]
         y.value, prior.value = case.outputs[step - M : step].ravel(), case.x_hat[step - M - 1]
-        problem.solve(solver=solver)
+        try:
+            problem.solve(solver=solver)
+        except cp.error.SolverError:
+            return None, False
         if alpha.value is None:
             return None, False
         # so that A_x t + x_free is its estimate
