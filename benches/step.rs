@@ -1,14 +1,15 @@
-//! Time of one step against horizon M, number of states n, rank r and regime, beside the floor of its arithmetic; of
-//! construction; and of many logs.
+//! Time of one step against horizon M, number of states n, rank r and regime, beside the floor of its arithmetic; and of
+//! construction.
 //!
 //! Regimes: `floor` (the bare arithmetic of a step in plain loops: z from the data, the whole window, the check of its
 //! bounds), `free` (bounds that never bind), `few` (a box on the states that binds at a few of them, warm-started from the
-//! last step's active set), `many` (a box on the fitted noise that cuts at almost every sample), `missing` (one output entry
-//! absent in the window). Ratios within one run are what to compare.
+//! last step's active set), `cold` (one such step without an active set to start from), `still` (a box that binds at the same
+//! states at every step), `many` (a box on the fitted noise that cuts now and then), `missing` (one output entry in a half of
+//! the window absent). Ratios within one run are what to compare.
 
 mod data;
 
-use criterion::{Criterion, criterion_group, criterion_main};
+use criterion::{BatchSize, Criterion, criterion_group, criterion_main};
 use data::{config, recorded, within};
 use ddmhe_core::{Bounds, Config, DdMhe, Space};
 use std::hint::black_box;
@@ -89,6 +90,23 @@ fn time(c: &mut Criterion, regime: &str, id: &str, mut mhe: DdMhe, outputs: &[f6
     });
 }
 
+/// Steps without an active set to start from: copies of an estimator that has met no bounds yet, at the first step where the box cuts
+/// two states or more.
+fn cold(c: &mut Criterion, id: &str, mut mhe: DdMhe, bounds: &Bounds, outputs: &[f64]) {
+    let p = mhe.p();
+    let cuts = |mhe: &DdMhe, y: &[f64]| mhe.clone().step_within(y, Some(bounds)).is_ok_and(|e| e.active > 1);
+    for y in outputs.chunks_exact(p).skip(60) {
+        if mhe.t() > 60 && cuts(&mhe, y) {
+            c.benchmark_group("step/cold").bench_function(id, |b| {
+                let step = |mhe: &mut DdMhe| mhe.step_within(y, Some(bounds)).map_or(0, |e| e.active);
+                b.iter_batched_ref(|| mhe.clone(), step, BatchSize::SmallInput);
+            });
+            return;
+        }
+        mhe.step(y).expect("outputs fit");
+    }
+}
+
 fn step(c: &mut Criterion) {
     let rank = |r| Space::Truncated { rank: Some(r), tol: None };
     for (n, M, space) in [
@@ -117,7 +135,12 @@ fn step(c: &mut Criterion) {
         });
         time(c, "free", &id, free, &outputs);
         let few = Bounds { lo: vec![-1e3; n], hi: (0..n).map(|i| 0.97 * (1.0 + i as f64)).collect() };
-        time(c, "few", &id, build(Config { x_bounds: Some(few), ..config(M, space) }), &outputs);
+        time(c, "few", &id, build(Config { x_bounds: Some(few.clone()), ..config(M, space) }), &outputs);
+        cold(c, &id, build(config(M, space)), &few, &outputs);
+        // the same outputs for ever: the same window and the same active set at every step
+        let still = outputs[..n].repeat(600);
+        let cap = Bounds { lo: vec![-1e3; n], hi: outputs[..n].iter().map(|y| 0.5 * y.abs()).collect() };
+        time(c, "still", &id, build(Config { x_bounds: Some(cap), ..config(M, space) }), &still);
         time(c, "many", &id, build(Config { v_bounds: within(0.055, n), ..config(M, space) }), &outputs);
         let mut holes = outputs.clone();
         (0..holes.len()).step_by(M * n / 2 + 1).for_each(|k| holes[k] = f64::NAN);

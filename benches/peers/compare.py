@@ -4,9 +4,11 @@ import importlib.metadata
 import json
 import os
 import platform
+import sys
 import time
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field
 from datetime import datetime, timezone
 from pathlib import Path
@@ -17,6 +19,7 @@ import numpy as np
 import others
 import solvers
 from cases import Array, Case, cases
+from rich.console import Console
 from rich.progress import track
 
 OFF = 1e-6
@@ -217,6 +220,21 @@ def versions() -> dict[str, str]:
     return found
 
 
+@contextmanager
+def silenced() -> Iterator[None]:
+    """Without the banners that some libraries write past Python."""
+    sys.stdout.flush()
+    kept = os.dup(1)
+    with open(os.devnull, "w") as nothing:
+        os.dup2(nothing.fileno(), 1)
+        try:
+            yield
+        finally:
+            sys.stdout.flush()
+            os.dup2(kept, 1)
+            os.close(kept)
+
+
 @click.command()
 @click.option("--out", type=click.Path(path_type=Path), default=Path("target/peers"), help="Directory of peers.json.")
 @click.option("--docs", type=click.Path(path_type=Path), default=None, help="Markdown file to write.")
@@ -230,11 +248,12 @@ def main(out: Path, docs: Path | None, rounds: int, quick: bool) -> None:
     rng = np.random.default_rng(0)
     results: list[Result] = []
     sections = []
-    for case in track(cases(200), description="cases"):
-        ready = prepared(case, out, quick)
-        for number in range(rounds):
-            for i in rng.permutation(len(ready)):
-                ready[i][0].nanoseconds += ready[i][1](number)
+    for case in track(cases(200), description="cases", console=Console(stderr=True)):
+        with silenced():
+            ready = prepared(case, out, quick)
+            for number in range(rounds):
+                for i in rng.permutation(len(ready)):
+                    ready[i][0].nanoseconds += ready[i][1](number)
         results += (found := [result for result, _ in ready])
         active = np.percentile(case.active[case.steps.start - 1 :], [5, 50, 95])
         regime = (

@@ -4,6 +4,7 @@ import ctypes
 import subprocess
 import sys
 import tarfile
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,7 @@ from cases import Array, Reduced
 HERE = Path(__file__).parent
 
 
+@cache
 def build(directory: Path) -> ctypes.CDLL:
     """Fetch the sources, compile with -O3 -march=native and load; raises what goes wrong."""
     directory.mkdir(parents=True, exist_ok=True)
