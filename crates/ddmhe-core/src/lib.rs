@@ -19,9 +19,11 @@
 //! # A tour
 //! Data flow from the recording to the estimate, one noun a module:
 //! `history` ([`History`]) → `hankel` ([`BlockHankel`], rank condition (7)) → [`space`] ([`TrajectorySpace`]: (16b) as mean + basis)
-//! → `window` (the problem of one depth, factored) → `mhe` ([`DdMhe`]: Algorithm 1) → `estimate` ([`Estimate`]).
+//! → `reduction` (one QR: a least-distance problem) → `window` (the problem of one depth, laid out for speed on `panels`)
+//! → `mhe` ([`DdMhe`]: Algorithm 1, over a `memory` that is allocated once) → `estimate` ([`Estimate`]). What is computed at construction is a
+//! `design`, which copies of an estimator share; `many` runs them on all cores.
 //! [`Certificate`] replaces the scalar weights by matrices for which the error is known to shrink, and bounds it step by step.
-//! `qp` solves what the closed form does not: by the dual method of `active_set`, or by Clarabel, which no other file names.
+//! What the closed form does not solve, the dual method of `active_set` does, or else Clarabel, which no file but `qp` names.
 //! [`defaults`] is the rule for settings that are not given; [`tol`] holds every tolerance with its reason.
 //!
 //! The second method of the crate puts a guaranteed interval around a state: [`interval`] (arithmetic that rounds outward),
