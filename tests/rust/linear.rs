@@ -18,7 +18,8 @@ fn noise_free_states_are_recovered() {
         let system = modes(blocks);
         let n = system.n();
         let history = system.record(&noise(1, n, 2.0), 60);
-        let (truth, outputs) = system.simulate(&noise(2, n, 2.0), 50);
+        // longer than the memory that the window slides through
+        let (truth, outputs) = system.simulate(&noise(2, n, 2.0), 200);
         let mut mhe = DdMhe::new(&history, Config { x_prior: Some(truth[..n].to_vec()), ..config(20) }).unwrap();
         assert_eq!(mhe.settings().rank, n);
         let log = mhe.run(&outputs).unwrap();
@@ -79,4 +80,26 @@ fn a_snapshot_continues_with_the_same_numbers() {
     mhe.run(&outputs[..15 * p]).unwrap();
     let mut again = DdMhe::restore(&mhe.snapshot()).unwrap();
     assert_eq!(again.run(&outputs[15 * p..]).unwrap(), mhe.run(&outputs[15 * p..]).unwrap());
+}
+
+/// Also how the answer was reached: the active bounds that a step starts from are part of a snapshot.
+#[test]
+fn every_step_of_a_restored_estimator_is_the_same_step() {
+    let system = modes(2);
+    let (n, p) = (system.n(), system.p());
+    let history = system.record(&noise(1, n, 2.0), 60);
+    let (_, mut outputs) = system.simulate(&noise(2, n, 2.0), 150);
+    outputs.iter_mut().zip(noise(3, 150 * p, 0.2)).for_each(|(y, v)| *y += v);
+    (0..outputs.len()).step_by(101).for_each(|k| outputs[k] = f64::NAN);
+    let v_bounds = Some(Bounds { lo: vec![-0.19; p], hi: vec![0.19; p] });
+    let mut mhe = DdMhe::new(&history, Config { v_bounds, ..config(10) }).unwrap();
+    let (mut bound, mut unchanged) = (0, 0);
+    for y in outputs.chunks(p) {
+        let mut restored = DdMhe::restore(&mhe.snapshot()).unwrap();
+        let (again, step) = (restored.step(y).unwrap(), mhe.step(y).unwrap());
+        assert_eq!(format!("{again:?}"), format!("{step:?}"));
+        bound += usize::from(step.active > 0);
+        unchanged += usize::from(step.active > 0 && step.iterations == 0);
+    }
+    assert!(bound > 30 && unchanged > 3, "{bound} {unchanged}");
 }
