@@ -84,7 +84,7 @@ def _column(result: Run, error: Array) -> dict[str, str]:
     per_axis = {f"RMSE {axis}": f"{value:.4f}" for axis, value in zip(AXES, report.rmse(error), strict=True)}
     spans = {f"RMSE norm {s:g} s": f"{report.rmse_norm(error[: round(s / DT)]):.4f}" for s in SPANS}
     median, slow = np.percentile(result.seconds, [50, 99]) * 1e6
-    times = {"step median": f"{median:.0f} us", "step 99 %": f"{slow:.0f} us"}
+    times = {"step median": f"{median:.2g} us", "step 99 %": f"{slow:.2g} us"}
     return {
         **report.settings(result.est),
         **per_axis,
