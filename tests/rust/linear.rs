@@ -103,3 +103,29 @@ fn every_step_of_a_restored_estimator_is_the_same_step() {
     }
     assert!(bound > 30 && unchanged > 3, "{bound} {unchanged}");
 }
+
+/// A window with a lost output has another Hessian, or is another problem: nothing of its factor may reach the next window.
+#[test]
+fn a_lost_output_that_has_left_the_window_leaves_nothing_behind() {
+    let system = modes(2);
+    let (n, p) = (system.n(), system.p());
+    let history = system.record(&noise(1, n, 2.0), 60);
+    let (_, recorded) = system.simulate(&noise(2, n, 2.0), 1);
+    // the same outputs for ever, so that the same rows are active in every window
+    let mut outputs = recorded[..p].repeat(120);
+    (40..44).for_each(|k| outputs[k * p] = f64::NAN);
+    for size in [0.2, 0.5, 1.0, 2.0] {
+        let bounds = |width: usize| Some(Bounds { lo: vec![-size; width], hi: vec![size; width] });
+        let settings =
+            Config { x_bounds: bounds(n), space: Space::Truncated { rank: Some(8), tol: None }, ..config(10) };
+        let mut mhe = DdMhe::new(&history, settings).unwrap();
+        let mut active = 0;
+        for (k, y) in outputs.chunks(p).enumerate() {
+            let mut restored = DdMhe::restore(&mhe.snapshot()).unwrap();
+            let (again, step) = (restored.step(y).unwrap(), mhe.step(y).unwrap());
+            assert_eq!(format!("{again:?}"), format!("{step:?}"), "{k}");
+            active += usize::from(step.active > 0);
+        }
+        assert!(active > 30 || size < 0.5, "{size} {active}");
+    }
+}

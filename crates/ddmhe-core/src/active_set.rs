@@ -149,6 +149,11 @@ impl Kept {
         self.factored = false;
     }
 
+    /// The next call is about another problem: the rows may serve again, their factor not.
+    pub fn forget_factor(&mut self) {
+        self.factored = false;
+    }
+
     /// To the bounds that are likely to be active next; `older` is where a row is when the window has moved on by a sample.
     pub fn foretell(&mut self, older: impl Fn(usize) -> Option<usize>) {
         self.before.clone_from(&self.sides);

@@ -289,6 +289,9 @@ impl WindowProblem {
             }
             Outcome::Uncertain => self.interior_point(&problem, s.z, s.window),
         };
+        if data.missing {
+            kept.forget_factor(); // of this Hessian, or of the problem made for this window
+        }
         self.residual(data.outputs, s.window, v);
         Some(Found { status, active: self.touched(s.window, lo, hi), iterations, cost: 0.0 })
     }
