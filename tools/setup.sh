@@ -63,7 +63,8 @@ fi
 state() {
     pwd
     rustc --version
-    find Cargo.toml Cargo.lock pyproject.toml crates benches tests/rust -type f ! -name '.*' -exec cksum {} +
+    find Cargo.toml Cargo.lock pyproject.toml crates tests/rust -type f ! -name '.*' -exec cksum {} +
+    find benches -name '*.rs' -exec cksum {} +
     find python/ddmhe -name '_core*.so' -exec cksum {} +
 }
 
