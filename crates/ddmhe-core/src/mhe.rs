@@ -296,9 +296,9 @@ impl DdMhe {
                 .unwrap_or_default(),
         };
 
-        let window = &scratch.window[..(depth + 1) * n];
         estimate.window.clear();
-        estimate.window.extend_from_slice(window);
+        estimate.window.extend(problem.in_user_units(scratch.window));
+        let window = &estimate.window;
         estimate.x.clear();
         estimate.x.extend_from_slice(&window[depth * n..]);
         estimate.cost = found.cost;

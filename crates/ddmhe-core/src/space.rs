@@ -93,6 +93,10 @@ pub struct Scaling {
     pub s_y: f64,
     pub(crate) mean_x: Vec<f64>,
     pub(crate) mean_y: Vec<f64>,
+    /// What a tolerance on each state channel is in units of: its own deviation, in the user's units.
+    pub(crate) unit_x: Vec<f64>,
+    /// The same of the output channels.
+    pub(crate) unit_y: Vec<f64>,
 }
 
 impl Scaling {
@@ -104,12 +108,12 @@ impl Scaling {
         let all = |signal: fn(&History, usize) -> &[f64]| {
             (0..history.recordings()).flat_map(move |i| signal(history, i).iter().copied())
         };
-        let (mean_x, s_x) = pooled(all(History::x), history.n());
-        let (mean_y, s_y) = pooled(all(History::y), history.p());
+        let (mean_x, s_x, unit_x) = pooled(all(History::x), history.n());
+        let (mean_y, s_y, unit_y) = pooled(all(History::y), history.p());
         if s_x == 0.0 {
             return Err(Error::rank("history", "a state x that changes", "the same x in every sample"));
         }
-        Ok(Scaling { s_x, s_y: if s_y > 0.0 { s_y } else { 1.0 }, mean_x, mean_y })
+        Ok(Scaling { s_x, s_y: if s_y > 0.0 { s_y } else { 1.0 }, mean_x, mean_y, unit_x, unit_y })
     }
 
     /// One sample (x, y), or x alone with an empty y, as scaled deviations from the channel means.
@@ -137,8 +141,8 @@ impl Scaling {
     }
 }
 
-/// Channel means and the standard deviation pooled over channels.
-fn pooled(values: impl Iterator<Item = f64> + Clone, width: usize) -> (Vec<f64>, f64) {
+/// Channel means, the standard deviation pooled over channels, and each channel's unit of tolerances.
+fn pooled(values: impl Iterator<Item = f64> + Clone, width: usize) -> (Vec<f64>, f64, Vec<f64>) {
     let mut mean = vec![0.0; width];
     let mut count = 0.0;
     for (k, v) in values.clone().enumerate() {
@@ -146,8 +150,25 @@ fn pooled(values: impl Iterator<Item = f64> + Clone, width: usize) -> (Vec<f64>,
         count += 1.0;
     }
     mean.iter_mut().for_each(|m| *m *= width as f64 / count);
-    let squares: f64 = values.enumerate().map(|(k, v)| (v - mean[k % width]).powi(2)).sum();
-    (mean, (squares / count).sqrt())
+    let squares: f64 = values.clone().enumerate().map(|(k, v)| (v - mean[k % width]).powi(2)).sum();
+    let s = (squares / count).sqrt();
+    let units = (0..width).map(|i| unit(values.clone().skip(i).step_by(width), mean[i], s)).collect();
+    (mean, s, units)
+}
+
+/// The standard deviation of one channel. One that never moved has none: its value is known to rounding, its own or, at 0,
+/// that of the numbers beside it.
+fn unit(values: impl Iterator<Item = f64>, mean: f64, pooled: f64) -> f64 {
+    let (mut lo, mut hi, mut squares, mut count) = (f64::INFINITY, f64::NEG_INFINITY, 0.0, 0.0);
+    for v in values {
+        (lo, hi) = (lo.min(v), hi.max(v));
+        squares += (v - mean).powi(2);
+        count += 1.0;
+    }
+    let beside = tol::UNMOVED * pooled;
+    let moved = hi - lo > tol::UNMOVED * lo.abs().max(hi.abs()).max(pooled);
+    let own = if moved { (squares / count).sqrt() } else { mean.abs().max(beside) };
+    if own > 0.0 { own } else { 1.0 }
 }
 
 /// The windows of one depth that the data allow.

@@ -9,8 +9,12 @@ pub const RANK_EPS: f64 = f64::EPSILON;
 /// leave the cost's minimiser alone to about 1e-8, large enough to survive rounding.
 pub const LEAST_NORM: f64 = 1e-4;
 
-/// A row of the window counts as inside its bounds up to this distance in units of the channel
-/// group's standard deviation; the closed-form minimiser is accurate to about 1e-12 there.
+/// A channel whose recorded values lie closer together than this, relative to the largest number beside them, did not move;
+/// a row of the basis that is smaller than this, relative to the largest, is rounding of the decomposition.
+pub const UNMOVED: f64 = 64.0 * f64::EPSILON;
+
+/// A row of the window counts as inside its bounds up to this distance in units of the channel's own
+/// standard deviation; the closed-form minimiser is accurate to about 1e-12 there.
 pub const FEASIBLE: f64 = 1e-11;
 
 /// Clarabel's gap and feasibility tolerances. At its default 1e-8 about one constrained window in

@@ -11,7 +11,8 @@
 //! every bound. Otherwise the least-distance problem from z* to the bounds is solved by [`active_set`](crate::active_set).
 //!
 //! *Units.* Inputs x̄ and y are deviations from the recording's channel means in units of s_x and s_y, so that a large mean costs no
-//! digits. State rows of the window are in the user's units, output rows deviations like y.
+//! digits. State rows of the window are deviations in the user's units, output rows deviations like y. A tolerance on a row is in
+//! units of its channel's own standard deviation: a channel that is small beside the others is bounded as sharply as they are.
 //!
 //! *Missing outputs.* Without the rows J of the cost the Hessian is I - Σ A_kᵀ D_k A_k over the samples k with a missing entry, D_k
 //! what their weight loses: an r × r matrix, factored at the step instead of the whole problem.
@@ -84,7 +85,29 @@ pub(crate) struct WindowProblem {
     noise: Option<Vec<f64>>, // or scalar weights on each output, in the user's units
     s_y: f64,
     per_unit: (f64, f64), // 1 / s_x, 1 / s_y
-    mean_x: Vec<f64>,
+    mean: Vec<f64>,       // of each state of the window, in the user's units
+    room: [Room; 2],      // of the state rows and of the noise, in the user's units
+}
+
+/// The largest and the smallest unit of a group of rows: what a distance to their bounds is at least worth in units.
+#[derive(Debug, Clone, Copy)]
+struct Room {
+    per_largest: f64,
+    per_smallest: f64,
+}
+
+impl Room {
+    fn new(units: &[f64]) -> Self {
+        let largest = units.iter().copied().fold(f64::MIN_POSITIVE, f64::max);
+        let smallest = units.iter().copied().fold(f64::MAX, f64::min);
+        Room { per_largest: 1.0 / largest, per_smallest: 1.0 / smallest }
+    }
+
+    /// A lower bound on the distance in units of each row, from one in the user's units.
+    #[inline(always)]
+    fn of(self, margin: f64) -> f64 {
+        margin * if margin > 0.0 { self.per_largest } else { self.per_smallest }
+    }
 }
 
 impl WindowProblem {
@@ -117,13 +140,14 @@ impl WindowProblem {
         let (first, len) = (padded(x.len()), padded(x.len()) + padded(y.len()));
         let mut rows = Mat::zeros(len, r);
         let (mut offset, mut unit) = (vec![0.0; len], vec![0.0; len]);
+        let moves = moving(&space);
         for i in 0..x.len() {
-            (0..r).for_each(|j| rows[(i, j)] = A[(x[i], j)] * s_x);
-            (offset[i], unit[i]) = (space.mean[x[i]] * s_x, s_x);
+            (0..r).filter(|_| moves[x[i]]).for_each(|j| rows[(i, j)] = A[(x[i], j)] * s_x);
+            (offset[i], unit[i]) = (c_x(i) * s_x, scaling.unit_x[i % n]);
         }
         for i in 0..y.len() {
-            (0..r).for_each(|j| rows[(first + i, j)] = A[(y[i], j)]);
-            (offset[first + i], unit[first + i]) = (c_y(i), 1.0);
+            (0..r).filter(|_| moves[y[i]]).for_each(|j| rows[(first + i, j)] = A[(y[i], j)]);
+            (offset[first + i], unit[first + i]) = (c_y(i), scaling.unit_y[i % p] / s_y);
         }
         let unbounded =
             |value: f64| (0..first).map(|i| if i < x.len() && x_bounds.is_some() { 0.0 } else { value }).collect();
@@ -144,7 +168,8 @@ impl WindowProblem {
             noise: weights.scalar_noise(depth, (s_x / s_y).powi(2)),
             s_y,
             per_unit: (1.0 / s_x, 1.0 / s_y),
-            mean_x: scaling.mean_x.clone(),
+            mean: scaling.mean_x.repeat(depth + 1),
+            room: [Room::new(&scaling.unit_x), Room::new(&scaling.unit_y)],
             shape,
             space,
         };
@@ -172,13 +197,20 @@ impl WindowProblem {
         &self.prior_map
     }
 
-    /// Adds the bounds on all states to what is in lo and hi.
+    /// The states of a window in the user's units.
+    #[inline(always)]
+    pub fn in_user_units<'a>(&'a self, window: &'a [f64]) -> impl Iterator<Item = f64> + 'a {
+        window.iter().zip(&self.mean).map(|(w, mean)| w + mean)
+    }
+
+    /// Adds the bounds on all states to what is in lo and hi: the distance of a box from the means, or from x_c(t).
     #[inline(always)]
     fn add_box(&self, bounds: &Bounds, lo: &mut [f64], hi: &mut [f64]) {
         let len = bounds.lo.len();
-        for i in 0..(self.shape.depth + 1) * self.shape.n {
-            lo[i] += bounds.lo[i % len];
-            hi[i] += bounds.hi[i % len];
+        for (i, mean) in self.mean.iter().enumerate() {
+            let mean = if self.center.is_some() { 0.0 } else { *mean };
+            lo[i] += bounds.lo[i % len] - mean;
+            hi[i] += bounds.hi[i % len] - mean;
         }
     }
 
@@ -261,9 +293,9 @@ impl WindowProblem {
         let mut room = f64::NEG_INFINITY;
         if kept.sides.is_empty() {
             let (lo, hi) = if own { (&s.lo[..split], &s.hi[..split]) } else { (&self.x_lo[..], &self.x_hi[..]) };
-            room = margin(&s.window[..split], lo, hi) * self.per_unit.0;
+            room = self.room[0].of(margin(&s.window[..split], lo, hi));
             if let Some(Bounds { lo, hi }) = &limits.v {
-                let noise = margin(v, &lo[..v.len()], &hi[..v.len()]) * self.per_unit.1;
+                let noise = self.room[1].of(margin(v, &lo[..v.len()], &hi[..v.len()]));
                 room = if noise < room { noise } else { room };
             }
             if room > tol::ACTIVE_SET {
@@ -301,7 +333,7 @@ impl WindowProblem {
     fn cost(&self, weights: &Weights, data: &Data<'_>, s: &mut Scratch<'_>, v: &[f64]) -> f64 {
         let n = data.prior.len();
         for i in 0..n {
-            s.moved[i] = (s.window[i] - self.mean_x[i]) * self.per_unit.0 - data.prior[i];
+            s.moved[i] = s.window[i] * self.per_unit.0 - data.prior[i];
         }
         let prior = self.prior_weight * weights.prior_size(&s.moved[..n]);
         prior
@@ -462,6 +494,14 @@ impl Windows for WindowProblem {
         self.states.tall(c_x, z, x);
         self.outputs.tall(c_y, z, y);
     }
+}
+
+/// Which rows of the window move at all: what is left of one that does not is rounding of the decomposition, and bounds on it
+/// would send the minimiser far away for nothing.
+fn moving(space: &TrajectorySpace) -> Vec<bool> {
+    let lengths: Vec<f64> = space.basis.row_iter().map(|row| row.norm_l2()).collect();
+    let largest = lengths.iter().copied().fold(0.0, f64::max);
+    lengths.iter().map(|&length| length > tol::UNMOVED * largest).collect()
 }
 
 /// L of H = L Lᵀ in place (lower triangles by rows of `stride`); None when a pivot is too small to trust.

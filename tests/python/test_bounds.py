@@ -1,0 +1,80 @@
+"""Bounds: tolerances in each channel's own units, and the count of bounds that are touched."""
+
+import numpy as np
+import pytest
+
+import ddmhe
+from reference import random_system
+
+
+def recorded(rng, steps=120):
+    """A noise-free recording of a random system with 3 states and 2 outputs, and noisy outputs of another motion."""
+    system = random_system(rng, 3, 2)
+    x, y = system.simulate(rng.standard_normal(3) * 3, 60)
+    truth, outputs = system.simulate(rng.standard_normal(3) * 2, steps)
+    return x, y, truth, outputs + rng.uniform(-0.3, 0.3, outputs.shape)
+
+
+@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("small", [1e-8, 1e-6, 1.0])
+def test_a_small_channel_is_bounded_as_sharply_as_a_large_one(seed, small):
+    """Two states and one output in units 1e8 times as large: bounds hold to 1e-8 deviations of their own."""
+    rng = np.random.default_rng(seed)
+    x, y, truth, outputs = recorded(rng)
+    x_units, y_units = np.array([1.0, small, small]), np.array([1.0, small])
+    deviation, noise = x.std(0) * x_units, y.std(0) * y_units
+    lo, hi = 0.6 * truth.min(0) * x_units, 0.6 * truth.max(0) * x_units
+    for x_bounds, v_bounds in (((lo, hi), None), (None, (-0.3 * y_units, 0.3 * y_units))):
+        estimator = ddmhe.DdMhe(
+            ddmhe.History(x * x_units, y * y_units), 20, 0.9, 1.0, x_bounds=x_bounds, v_bounds=v_bounds
+        )
+        bound = 0
+        for sample in outputs * y_units:
+            estimate = estimator.step(sample)
+            if estimate.status != "optimal":
+                continue
+            bound += estimate.active > 0
+            if x_bounds is not None:
+                excess = np.maximum(lo - estimate.window, estimate.window - hi) / deviation
+            else:
+                excess = (np.abs(estimate.v) - 0.3 * y_units) / noise
+            assert excess.max() < 1e-8
+        assert bound > 10
+
+
+@pytest.mark.parametrize("mean", [0.0, 1e3, 1e6, 1e9])
+def test_touched_bounds_are_counted_whatever_the_mean(mean):
+    """`active` and the estimate are those of the same problem about 0: the mean costs only the rounding of the data."""
+    rng = np.random.default_rng(3)
+    x, y, truth, outputs = recorded(rng)
+    # a grid on which adding the mean is exact
+    grid = 2.0**-20
+    x, outputs = np.round(x / grid) * grid, np.round(outputs / grid) * grid
+    lo, hi = np.round(0.6 * truth.min(0) / grid) * grid, np.round(0.6 * truth.max(0) / grid) * grid
+
+    def run(shift):
+        return ddmhe.DdMhe(
+            ddmhe.History(x + shift, y), 8, 0.9, 1.0, x_bounds=(lo + shift, hi + shift), space=ddmhe.Truncated(3)
+        ).run(outputs)
+
+    near, far = run(0.0), run(mean)
+    assert (near.active > 0).sum() > 20
+    assert (near.status == far.status).all()
+    assert (near.active == far.active).mean() > 0.98
+    solved = near.status == "optimal"
+    assert np.abs(far.x - mean - near.x)[solved].max() < 1e-7 + 1e-14 * mean
+
+
+def test_bounds_on_an_output_that_never_moved():
+    """No window moves it: noise within its bounds costs nothing, noise beyond them leaves no window."""
+    rng = np.random.default_rng(0)
+    x, y, _, outputs = recorded(rng)
+    y, outputs = (np.column_stack([values, np.full(len(values), 5.1)]) for values in (y, outputs))
+    free = ddmhe.DdMhe(ddmhe.History(x, y), 8, 0.9, 1.0).run(outputs)
+    for width in (1e-9, 0.0):
+        bounds = np.array([9.0, 9.0, width])
+        estimator = ddmhe.DdMhe(ddmhe.History(x, y), 8, 0.9, 1.0, v_bounds=(-bounds, bounds))
+        log = estimator.run(outputs)
+        assert (log.status == "optimal").all()
+        assert np.abs(log.x - free.x).max() < 1e-9
+        assert estimator.step(outputs[-1] + [0.0, 0.0, 1e-6]).status == "infeasible"
