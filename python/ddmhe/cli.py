@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import io
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -18,8 +18,9 @@ from ddmhe import demo as demo_case
 from ddmhe import report
 from ddmhe._core import DdMhe, DdmheError, ModelViolationError
 from ddmhe._core import Log as Estimates
-from ddmhe.config import read_config, space_from_text, write_config
+from ddmhe.config import READING, read_config, space_from_text, write_config
 from ddmhe.logs import Log, Split, read_log
+from ddmhe.oddities import far_out, turn
 
 Array = NDArray[np.float64]
 
@@ -58,6 +59,19 @@ def _names(ctx: click.Context, param: click.Parameter, value: str | None) -> tup
     return names
 
 
+def _numbers(ctx: click.Context, param: click.Parameter, value: str | None) -> tuple[float, ...] | None:
+    """Finite numbers from a comma-separated list."""
+    if value is None:
+        return None
+    try:
+        numbers = tuple(float(part) for part in value.split(","))
+    except ValueError:
+        numbers = ()
+    if not numbers or not np.isfinite(numbers).all():
+        raise click.BadParameter(f"expected finite numbers separated by commas, found {value!r}")
+    return numbers
+
+
 def reading_options(required: bool) -> Callable[[Any], Any]:
     """How to read a log; `required`: whether its columns and its history must be named."""
     options: list[Callable[[Any], Any]] = [
@@ -78,6 +92,12 @@ def reading_options(required: bool) -> Callable[[Any], Any]:
             show_default=True,
             help="A gap in the log: take the lacking samples as not measured, or refuse the log.",
         ),
+        click.option(
+            "--missing", callback=_numbers, metavar="V1,V2,...", help="Numbers that say not measured, like -9999."
+        ),
+        click.option(
+            "--unwrap", callback=_names, metavar="C1,C2,...", help="Angles that jump by a turn: go on instead."
+        ),
     ]
 
     def decorate(command: Any) -> Any:
@@ -94,11 +114,51 @@ def log_options(command: Any) -> Any:
 
 
 def _read(log: Path, given: dict[str, Any]) -> tuple[Log, Split]:
-    """The samples of a log and their split after the history; takes the options of `log_options` out of `given`."""
+    """The samples of a log and their split after the history; takes the options of `log_options` out of `given`.
+
+    What sits oddly in a column is pointed out on stderr.
+    """
     columns = [given.pop(name) for name in ("state", "output", "time", "start", "decimate")]
-    samples = read_log(log, *columns)
+    samples = read_log(log, *columns, missing=given.pop("missing") or (), unwrap=given.pop("unwrap"))
+    for sentence in _oddities(samples):
+        _warn(sentence)
     samples = samples.fill_gaps() if given.pop("gaps") == "fill" else samples
     return samples, samples.split(given.pop("history"))
+
+
+SHOWN = 3
+"""How many values and lines a warning names."""
+
+
+def _oddities(log: Log) -> Iterator[str]:
+    """What sits oddly in the columns of a log, in words that name the option for it."""
+    columns = dict(zip(log.names.state, log.x.T, strict=True)) | dict(zip(log.names.output, log.y.T, strict=True))
+    for name, values in columns.items():
+        rows = far_out(values)
+        if rows.size:
+            found = [f"{v:.10g}" for v in dict.fromkeys(values[rows])]
+            lines = [str(line) for line in log.lines[rows]]
+            yield (
+                f"{log.path}, column {name!r}: {_some(found)} in line {_some(lines)} sits more than "
+                f"50 deviations out on its own; if it says not measured: --missing {','.join(found)}"
+            )
+        full = turn(values)
+        if full is not None:
+            at = int(np.nanargmax(np.abs(np.diff(values))))
+            yield (
+                f"{log.path}, column {name!r}, line {log.lines[at + 1]}: looks like an angle that jumps "
+                f"by a full turn of {full:.6g}, which no linear motion does; use its cosine and sine as "
+                f"two columns, or --unwrap {name}"
+            )
+
+
+def _some(words: list[str]) -> str:
+    more = f" and {len(words) - SHOWN} more" if len(words) > SHOWN else ""
+    return ", ".join(words[:SHOWN]) + more
+
+
+def _warn(sentence: str) -> None:
+    print("ddmhe: warning:", sentence, file=sys.stderr)
 
 
 @click.group(no_args_is_help=False, context_settings={"help_option_names": ["-h", "--help"]})
@@ -143,13 +203,22 @@ def estimate(log: Path, out: Path | None, plot: Path | None, config: Path | None
     Writes the time column and one column per state, and prints the errors where the log holds the states.
     """
     csv, figure = _targets(log, out, plot)
+    from_file = {} if config is None else read_config(config)
+    for key in READING:
+        found = from_file.pop(key, None)
+        given[key] = found if given[key] is None else given[key]
     samples, split = _read(log, given)
-    est = DdMhe(split.history, **_settings(config, given))
+    est = DdMhe(split.history, **_settings(from_file, given))
+    at_first = list(est.warnings)
+    for sentence in at_first:
+        _warn(sentence)
     estimates = est.run(split.Y)
+    for sentence in est.warnings:
+        if sentence not in at_first:
+            _warn(sentence)
     written = _write(csv, figure, samples, split, estimates.x)
     console = Console()
     console.print(_summary(samples, split, est, estimates))
-    _print_warnings(console, "", est)
     _print_written(console, written)
 
 
@@ -356,9 +425,9 @@ def _targets(log: Path, out: Path | None, plot: Path | None) -> tuple[Path | Non
     return csv, plot
 
 
-def _settings(config: Path | None, given: dict[str, Any]) -> dict[str, Any]:
+def _settings(from_file: dict[str, Any], given: dict[str, Any]) -> dict[str, Any]:
     """Keywords of DdMhe: the file's, overridden by the options given."""
-    settings = {} if config is None else read_config(config)
+    settings = dict(from_file)
     settings.update({key: value for key, value in given.items() if value is not None})
     if isinstance(given["space"], str):
         settings["space"] = space_from_text(given["space"])

@@ -5,6 +5,7 @@ horizon = 20
 rho = 0.9
 x_bounds = [-1.0, 1.0]           # or [[-1.0, -2.0], [1.0, 2.0]], one number per state
 equilibrium = [[0.0], [0.0]]     # x_e, y_e
+missing = [-9999, 999]           # for the command line: numbers of a log that say "not measured"
 space = { kind = "truncated", rank = 5 }   # or "auto", "exact", { kind = "ridge", weight = 1e-2, normalised = true }
 
 [certificate]                    # as `ddmhe design` writes it, in the place of rho and mu
@@ -17,6 +18,7 @@ R = [[0.5]]
 
 from __future__ import annotations
 
+import math
 import sys
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -37,7 +39,11 @@ else:
 
 Space = Exact | Truncated | Ridge | str
 
-__all__ = ["ConfigError", "Space", "read_config", "space_from_text", "write_config"]
+__all__ = ["READING", "ConfigError", "Space", "read_config", "space_from_text", "write_config"]
+
+
+READING = ("missing",)
+"""Keys that say how to read a log: arguments of `read_log`, not of `DdMhe`."""
 
 
 class ConfigError(DdmheError):
@@ -45,7 +51,10 @@ class ConfigError(DdmheError):
 
 
 def read_config(path: str | Path) -> dict[str, Any]:
-    """Keyword arguments of DdMhe from a TOML file; ConfigError in one sentence naming the file and the key."""
+    """Keywords of DdMhe, and of `read_log` (READING), from a TOML file.
+
+    ConfigError in one sentence naming the file and the key.
+    """
     try:
         with open(path, "rb") as f:
             table = tomllib.load(f)
@@ -126,6 +135,10 @@ _EXPECTED: dict[str, tuple[str, Callable[[object], bool]]] = {
     "space": ("a text or a table", lambda v: isinstance(v, str | dict)),
     "certificate": ("a table", lambda v: isinstance(v, dict)),
     "disturbance": ("a list [initial, w, v]", _is_numbers),
+    "missing": (
+        "a list of finite numbers",
+        lambda v: isinstance(v, list) and all(_is_number(x) and math.isfinite(cast(float, x)) for x in v),
+    ),
 }
 _SPACES: dict[str, tuple[type[Truncated] | type[Ridge] | type[Exact], tuple[str, ...]]] = {
     "exact": (Exact, ()),

@@ -1,9 +1,11 @@
 """Log files: a CSV of samples in, a checked `Log` out, and its split into a history and the outputs that follow.
 
-A CSV has one header line and one row per sample. An empty cell (or NaN) means "not measured": allowed in outputs
-and states after the history, an error inside it. A log samples regularly: its steps may jitter, but a step of more
-than 1.5 nominal steps is a gap. Gaps are errors unless `Log.fill_gaps` turned them into rows not measured: the
-estimator then runs through them without data, and inside the history at most 10 such rows in a row are interpolated.
+A CSV has one header line and one row per sample. An empty cell, NaN, NA, n/a, null or none means "not measured", and
+so do the numbers that `missing` names: allowed in outputs and states after the history, an error inside it. A log
+samples regularly: its stamps may jitter or come late, but where the clock says that rows are lost there is a gap.
+Rows are numbered on the clock's grid before they are thinned, so that every k-th sample stays every k-th whatever is
+lost. Gaps are errors unless `Log.fill_gaps` turned them into rows not measured: the estimator then runs through them
+without data, and inside the history at most 10 such rows in a row are interpolated.
 """
 
 from __future__ import annotations
@@ -14,20 +16,20 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
 from ddmhe._core import DdmheError, History
+from ddmhe.grid import samples_of
+from ddmhe.oddities import unwrapped
 
 Array = NDArray[np.float64]
 
-__all__ = ["Log", "LogError", "Names", "Split", "read_log"]
+__all__ = ["Gap", "Log", "LogError", "Names", "Split", "read_log"]
 
-GAP = 1.5
-"""A step longer than this many nominal steps is nearer to two of them: at least one sample is missing."""
 JITTER, JITTERY_SHARE = 0.25, 0.2
 """Steps off the nominal one by more than JITTER are bad; a log with more than this share of them is not regular."""
 MOST_INTERPOLATED = 10
@@ -35,7 +37,8 @@ MOST_INTERPOLATED = 10
 on the measured pendulum logs as they were; cutting the recording there doubled them."""
 MOST_FILLED = 2
 """Filling may at most double a log: beyond that it is several logs."""
-_NOT_MEASURED = frozenset({"", "nan", "na", "null", "none"})
+LARGEST = float(np.finfo(np.float64).max)
+_NOT_MEASURED = frozenset({"", "nan", "na", "n/a", "#n/a", "<na>", "null", "none"})
 
 
 class LogError(DdmheError):
@@ -49,6 +52,17 @@ class Names:
     time: str
     state: tuple[str, ...]
     output: tuple[str, ...]
+
+
+class Gap(NamedTuple):
+    """Rows that a log lacks."""
+
+    t: float
+    """Time of the row before, s."""
+    length: float
+    """Time to the row after, s."""
+    line: int
+    """Line of the row before in the file, from 1."""
 
 
 class Split(NamedTuple):
@@ -79,20 +93,19 @@ class Log:
     """Nominal step, s: the median step of the log as sampled, times the decimation."""
     lines: NDArray[np.int64]
     """Line of each row in the file (N,), from 1; 0 for a row that `fill_gaps` added."""
-
-    def gaps(self) -> list[tuple[int, float]]:
-        """Gaps as (row before the gap, its length in s)."""
-        steps = np.diff(self.t)
-        return [(int(k), float(steps[k])) for k in np.flatnonzero(steps > GAP * self.dt)]
+    samples: NDArray[np.int64]
+    """Number of each row on the grid of steps dt (N,), from 0; a number that is left out is a sample that is lost."""
+    gaps: tuple[Gap, ...]
+    """Where the file lacks rows, also ones that the decimation would have left out; none after `fill_gaps`."""
+    decimate: int = 1
+    """dt is this many steps of the file."""
 
     def fill_gaps(self) -> Log:
         """The log on a gapless grid: in each gap the samples that are missing, all of them NaN (not measured).
 
         Raises LogError where more samples are missing than there are.
         """
-        steps = np.diff(self.t) / self.dt
-        whole = np.where(steps > GAP, np.round(steps), 1)
-        rows = np.concatenate(([0], np.cumsum(whole))).astype(np.int64)
+        rows = self.samples
         size = int(rows[-1]) + 1
         if size > MOST_FILLED * rows.size:
             raise LogError(f"{self.path}: expected gaps that can be filled, found {size - rows.size} samples missing")
@@ -105,7 +118,8 @@ class Log:
         lines = np.zeros(size, dtype=np.int64)
         lines[rows] = self.lines
         t = np.interp(np.arange(size), rows, self.t)
-        return replace(self, t=t, x=spread(self.x), y=spread(self.y), lines=lines)
+        filled = np.arange(size, dtype=np.int64)
+        return replace(self, t=t, x=spread(self.x), y=spread(self.y), lines=lines, samples=filled, gaps=())
 
     def history_samples(self, history: float) -> int:
         """T = round(history/dt).
@@ -130,13 +144,13 @@ class Log:
         Raises LogError for a history that does not fit, for samples missing inside it, and for gaps.
         """
         T = self.history_samples(history)
-        gaps = self.gaps()
-        if gaps:
-            row, length = gaps[0]
-            where = "inside the history" if row < T else "after the history"
+        if self.gaps:
+            gap = self.gaps[0]
+            where = "inside the history" if gap.t < self.t[T] else "after the history"
             raise LogError(
-                f"{self.path}: gap {where} at {self.t[row]:.10g} s (line {self.lines[row]}): expected steps of about "
-                f"{self.dt:.4g} s, found {length:.4g} s; use another start or history, or fill the gaps (--gaps fill)"
+                f"{self.path}: gap {where} at {gap.t:.10g} s (line {gap.line}): expected steps of about "
+                f"{self.dt / self.decimate:.4g} s, found {gap.length:.4g} s; use another start or history, or fill the "
+                f"gaps (--gaps fill)"
             )
         self._check_measured(self.x[: T + 1], self.names.state)
         self._check_measured(self.y[:T], self.names.output)
@@ -168,7 +182,7 @@ class Log:
             row, column = lacking[0]
             raise LogError(
                 f"{self.path}, line {self.lines[row]}, column {names[column]!r}: expected a number inside the "
-                f"history, found an empty cell or NaN"
+                f"history, found an empty cell, NaN or a number that stands for not measured"
             )
 
 
@@ -179,8 +193,11 @@ def read_log(
     time: str | None = None,
     start: float | None = None,
     decimate: int = 1,
+    *,
+    missing: Sequence[float] = (),
+    unwrap: Sequence[str] = (),
 ) -> Log:
-    """Read a CSV log, keep rows 0, decimate, 2 decimate, …, and of these the ones from time `start` on.
+    """Read a CSV log, keep samples 0, decimate, 2 decimate, … of its clock, and of these the ones from time `start` on.
 
     Parameters
     ----------
@@ -188,7 +205,9 @@ def read_log(
     state, output : names of the state columns (n) and output columns (p); one column may be both
     time : name of the time column, in seconds; default the first column
     start : time of the log's own clock, s; default the first row
-    decimate : keep every decimate-th row, at least 1
+    decimate : keep every decimate-th sample, at least 1; one whose row is lost is a gap, the next ones stay in place
+    missing : numbers that stand for "not measured" in state and output columns, like -9999
+    unwrap : columns of angles within one turn (2 pi or 360) to be made continuous
 
     Raises
     ------
@@ -196,18 +215,52 @@ def read_log(
         One sentence naming the file, and the column and line where there is one.
     """
     name = str(path)
-    if isinstance(decimate, bool) or not isinstance(decimate, int | np.integer) or decimate < 1:
-        raise LogError(f"decimate: expected a whole number of at least 1, found {decimate!r}")
+    _check_decimate(decimate)
+    numbers = checked_missing(missing)
     table = _read_table(name)
     names = _checked_names(name, list(table.columns), state, output, time)
+    _check_unwrap(unwrap, names)
     t = _time(name, table, names.time)
     nominal = decimate * float(np.median(np.diff(t))) if t.size > 1 else math.nan
-    t = t[::decimate]
-    first = 0 if start is None else _first_row(name, t, start)
-    table, t = table.iloc[::decimate].iloc[first:], t[first:]
-    dt = _step(name, t, nominal, decimate)
-    x, y = (np.column_stack([_column(name, table, c) for c in group]) for group in (names.state, names.output))
-    return Log(name, names, t, x, y, dt, table.index.to_numpy(dtype=np.int64))
+    samples = samples_of(t) if t.size > 1 else np.zeros(t.size, dtype=np.int64)
+    kept = np.flatnonzero(samples % decimate == 0)
+    kept = kept[0 if start is None else _first_row(name, t[kept], start) :]
+    dt = _step(name, t[kept], nominal, decimate)
+
+    def columns(group: Sequence[str]) -> Array:
+        values = [_column(name, table, column, numbers) for column in group]
+        return np.column_stack(
+            [unwrapped(v) if c in unwrap else v for c, v in zip(group, values, strict=True)]
+        )[kept]  # fmt: skip
+
+    lines = table.index.to_numpy(dtype=np.int64)
+    before = np.flatnonzero(np.diff(samples) > 1)
+    before = before[before >= kept[0]]
+    gaps = tuple(Gap(float(t[k]), float(t[k + 1] - t[k]), int(lines[k])) for k in before)
+    numbered = (samples[kept] - samples[kept[0]]) // decimate
+    x, y = columns(names.state), columns(names.output)
+    return Log(name, names, t[kept], x, y, dt, lines[kept], numbered, gaps, int(decimate))
+
+
+def checked_missing(missing: Sequence[float]) -> tuple[float, ...]:
+    """Numbers that stand for "not measured"; LogError for anything else."""
+    numbers: Sequence[Any] = missing if isinstance(missing, list | tuple) else [missing]
+    for number in numbers:
+        real = isinstance(number, int | float | np.integer | np.floating) and not isinstance(number, bool)
+        if not real or not -LARGEST <= number <= LARGEST:
+            raise LogError(f"missing: expected finite numbers, found {number!r}")
+    return tuple(float(number) for number in numbers)
+
+
+def _check_decimate(decimate: int) -> None:
+    if isinstance(decimate, bool) or not isinstance(decimate, int | np.integer) or decimate < 1:
+        raise LogError(f"decimate: expected a whole number of at least 1, found {decimate!r}")
+
+
+def _check_unwrap(unwrap: Sequence[str], names: Names) -> None:
+    for column in unwrap:
+        if column not in (*names.state, *names.output):
+            raise LogError(f"unwrap: expected a column of the states or outputs, found {column!r}")
 
 
 def _read_table(path: str) -> pd.DataFrame:
@@ -262,7 +315,7 @@ def _nearest(column: str, header: list[str]) -> str:
     return f"{hint} (columns: {', '.join(header)})"
 
 
-def _column(path: str, table: pd.DataFrame, column: str) -> Array:
+def _column(path: str, table: pd.DataFrame, column: str, missing: Sequence[float] = ()) -> Array:
     """One column as numbers, NaN where the cell says that nothing was measured."""
     cells = table[column].str.strip()
     values = np.array(pd.to_numeric(cells, errors="coerce"), dtype=np.float64)
@@ -274,7 +327,7 @@ def _column(path: str, table: pd.DataFrame, column: str) -> Array:
         raise LogError(
             f"{path}, line {table.index[row]}, column {column!r}: expected a finite number, found {cells.iloc[row]!r}"
         )
-    return values
+    return np.where(np.isin(values, missing), np.nan, values)
 
 
 def _time(path: str, table: pd.DataFrame, column: str) -> Array:

@@ -125,6 +125,65 @@ def test_filled_gaps_give_one_row_per_row_of_the_log(frame, tmp_path):
     assert printed(result, "NRMSE") < 0.2
 
 
+def test_numbers_that_say_not_measured(frame, tmp_path):
+    """With --missing they are blanks; without it they are pointed out, by column, line and value, and still used."""
+    holes = [(250, "ty"), (251, "ty"), (400, "wz"), (500, "tx")]
+    blank, coded = frame.copy(), frame.copy()
+    for k, name in holes:
+        blank.loc[k, name], coded.loc[k, name] = np.nan, -9999.0 if name == "ty" else 999.0
+    coded.loc[500, "tx"] = -9999.0
+    blank.to_csv(tmp_path / "blank.csv", index=False)
+    coded.to_csv(tmp_path / "coded.csv", index=False)
+    (tmp_path / "est.toml").write_text("missing = [-9999, 999.0]\n")
+    options = [*COLUMNS, "--history", 20]
+    expected = ddmhe_run("estimate", tmp_path / "blank.csv", *options, "--out", tmp_path / "blank-est.csv")
+    assert (expected.returncode, expected.stderr) == (0, "")
+    for given in (["--missing", "-9999,999"], ["--config", tmp_path / "est.toml"]):
+        result = ddmhe_run("estimate", tmp_path / "coded.csv", *options, *given, "--out", tmp_path / "est.csv")
+        assert (result.returncode, result.stderr) == (0, "")
+        assert (tmp_path / "est.csv").read_bytes() == (tmp_path / "blank-est.csv").read_bytes()
+    result = ddmhe_run("estimate", tmp_path / "coded.csv", *options)
+    assert result.returncode == 0
+    for name, value, line in (("ty", "-9999", "252, 253"), ("tx", "-9999", "502"), ("wz", "999", "402")):
+        told = f"column '{name}': {value} in line {line} sits more than 50 deviations out"
+        assert sum(told in sentence for sentence in result.stderr.splitlines()) == 1
+    assert "--missing -9999" in result.stderr
+
+
+@pytest.mark.parametrize("wrong", ["x", "", "1,,2", "nan", "1e999"])
+def test_wrong_missing_option(log, wrong):
+    result = ddmhe_run("estimate", log, *COLUMNS, "--history", 20, "--missing", wrong)
+    assert result.returncode == 2
+    assert re.fullmatch(r"ddmhe: error: .*--missing.*expected finite numbers [^\n]+\n", result.stderr), result.stderr
+
+
+def test_a_wrapped_angle_is_pointed_out_and_can_be_unwrapped(tmp_path):
+    k = np.arange(600)
+    angle = 0.9 * 0.05 * k + 0.5 * np.sin(k / 9)
+    frame = pd.DataFrame({"t": 0.05 * k, "heading": angle % (2 * np.pi), "rate": 0.9 + np.cos(k / 9) / 0.9})
+    frame["seen"] = frame["heading"] + 0.001 * np.random.default_rng(0).standard_normal(600)
+    frame.to_csv(tmp_path / "log.csv", index=False)
+    options = ["--state", "heading,rate", "--output", "seen,rate", "--history", 15, "--out", tmp_path / "est.csv"]
+    result = ddmhe_run("estimate", tmp_path / "log.csv", *options)
+    assert result.returncode == 0, result.stderr
+    for name in ("heading", "seen"):
+        assert re.search(rf"warning: .*'{name}', line \d+: .*full turn of 6.28.*--unwrap {name}\n", result.stderr)
+    result = ddmhe_run("estimate", tmp_path / "log.csv", *options, "--unwrap", "heading,seen")
+    assert result.returncode == 0, result.stderr
+    assert "full turn" not in result.stderr
+    assert np.abs(pd.read_csv(tmp_path / "est.csv")["heading"] - angle[301:]).max() < 0.1
+
+
+def test_what_the_estimator_warns_of_is_on_stderr(log):
+    result = ddmhe_run("estimate", log, *COLUMNS, "--history", 20, "--space", "exact")
+    history = log and pd.read_csv(log)
+    x, y = history[STATE].to_numpy(), history[OUTPUT].to_numpy()
+    est = ddmhe.DdMhe(ddmhe.History(x[: T + 1], y[:T], dt=0.1), space=ddmhe.Exact())
+    est.run(y[T:-1])
+    assert est.warnings
+    assert result.stderr == "".join(f"ddmhe: warning: {sentence}\n" for sentence in est.warnings)
+
+
 def test_demo_writes_its_files_and_beats_a_constant(tmp_path):
     result = ddmhe_run("demo", "--out", "here", "--seed", 2, cwd=tmp_path)
     assert (result.returncode, result.stderr) == (0, "")
@@ -237,7 +296,12 @@ def test_measured_pendulum_logs(trial, tmp_path):
     result = ddmhe_run("estimate", path, *columns, *options)
     assert result.returncode == 0, result.stderr
     assert printed(result, "NRMSE") < 0.6
-    assert pd.read_csv(tmp_path / "est.csv")["time_s"].isin(log["time_s"]).all()
+    t, clock = pd.read_csv(tmp_path / "est.csv")["time_s"], pd.read_csv(path)["time_s"]
+    assert t.isin(clock).all()
+    # after lost rows, too, samples stand on the grid of four steps of the clock: late stamps and all
+    step = clock.diff()[clock.diff() < 0.009].mean()
+    off = (t.diff().dropna() / (4 * step) + 0.5) % 1 - 0.5
+    assert off.abs().max() < 0.2  # a row off is a quarter
 
 
 def test_design_writes_a_certificate_that_estimate_takes(log, tmp_path):

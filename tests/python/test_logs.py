@@ -1,11 +1,17 @@
 """Reading logs and splitting them: rows, times and every wrong file."""
 
+import os
+from itertools import product
+from pathlib import Path
+
 import numpy as np
+import pandas as pd
 import pytest
 
 from ddmhe import DdmheError
 from ddmhe.config import ConfigError, read_config, space_from_text
 from ddmhe.logs import LogError, read_log
+from ddmhe.oddities import far_out, turn
 from ddmhe.report import nrmse, rmse, rmse_norm
 
 HEADER = "time_s,w,q,torque"
@@ -88,6 +94,40 @@ def gap_log(tmp_path, after, missing):
     """Row `after` is followed by a gap of `missing` samples; the cells name the sample, not the row."""
     rows = [row(k) for k in range(after + 1)] + [row(k) for k in range(after + 1 + missing, 40)]
     return read(write(tmp_path / "log.csv", rows))
+
+
+@pytest.mark.parametrize("lost", [[61], [62], [60, 61], [60], [58, 59, 60, 61, 62], [61, 66, 75, 90]])
+def test_lost_rows_leave_the_thinned_samples_in_their_places(tmp_path, lost):
+    """Every fourth sample of the clock, whatever rows are lost: the ones that are there are those of the whole log."""
+    whole = [row(k) for k in range(200)]
+    path = write(tmp_path / "log.csv", [r for k, r in enumerate(whole) if k not in lost])
+    log = read(path, decimate=4, start=0.8)
+    with pytest.raises(LogError, match=rf"gap .* the history at {0.1 * min(lost) - 0.1:g} s .* about 0.1 s, found"):
+        log.split(4.0)
+    full = read(write(tmp_path / "whole.csv", whole), decimate=4, start=0.8)
+    filled = log.fill_gaps()
+    np.testing.assert_allclose(filled.t, full.t, atol=1e-12)
+    there = ~np.isin(np.arange(8, 200, 4), lost)
+    np.testing.assert_array_equal(filled.y[there], full.y[there])
+    np.testing.assert_array_equal(filled.x[there], full.x[there])
+    assert np.isnan(filled.y[~there]).all()
+    a, b = filled.split(4.0), full.split(4.0)
+    assert a.history.T == b.history.T == 10
+    np.testing.assert_array_equal(a.Y[there[10:-1]], b.Y[there[10:-1]])
+
+
+def test_stamps_that_come_late_are_no_lost_rows(tmp_path):
+    """A buffer read out late gives a long step and short ones after it; a lost row gives the long step alone."""
+    k = np.arange(200)
+    t = 0.1 * k
+    t[50:56] = t[56] - 0.001 * np.arange(6, 0, -1)
+    t[100] += 0.07
+    rows = [row(i, t[i]) for i in k if i not in (151, 152)]
+    log = read(write(tmp_path / "log.csv", rows), decimate=2)
+    assert [(gap.line, round(gap.length, 6)) for gap in log.gaps] == [(152, 0.3)]
+    filled = log.fill_gaps()
+    assert len(filled.t) == 100
+    np.testing.assert_array_equal(filled.y[:, 0], [10.0 * i if i != 152 else np.nan for i in range(0, 200, 2)])
 
 
 @pytest.mark.parametrize(("history", "where"), [(1.0, "after"), (2.0, "inside")])
@@ -213,6 +253,78 @@ def test_cells_missing_inside_the_history(tmp_path):
         assert log.split(0.4).history.T == 4  # the same cell after the history is fine
 
 
+def test_numbers_and_words_that_say_not_measured(tmp_path):
+    words = ["", "NA", "n/a", "null", "None", "nan", "-9999", "-9999.0", "999"]
+    rows = [row(k) for k in range(20)] + [f"{0.1 * (20 + k):.1f},{w},1,{w}" for k, w in enumerate(words)]
+    path = write(tmp_path / "log.csv", [*rows, row(29)])
+    for missing, known in (((), 3), ((-9999,), 1), ((-9999, 999.0), 0)):
+        split = read(path, missing=missing).split(1.9)
+        assert np.isfinite(split.Y[1:10, 0]).sum() == known
+        assert np.isfinite(split.x_true[:9, 0]).sum() == known
+    log = read(write(tmp_path / "inside.csv", [*rows[:5], "0.5,5,-5,-9999", *rows[6:20]]), missing=[-9999])
+    with pytest.raises(LogError, match=r"line 7, column 'torque': .* a number that stands for not measured"):
+        log.split(1.0)
+
+
+@pytest.mark.parametrize("wrong", [["x"], "x", [None], [float("nan")], [float("inf")], [True], [10**400], None, {1: 2}])
+def test_wrong_missing_numbers(path, wrong):
+    with pytest.raises(LogError, match="missing: expected"):
+        read(path, missing=wrong)
+
+
+def test_what_is_far_out_on_its_own():
+    rng = np.random.default_rng(0)
+    signal = np.sin(np.arange(3000) / 40) + 0.01 * rng.standard_normal(3000)
+    for share in (0.001, 0.1, 0.4):
+        low, high = rng.random(3000) < share, rng.random(3000) < 0.05
+        low[7], high[9] = True, True
+        spoiled = np.where(low, -9999.0, signal)
+        np.testing.assert_array_equal(far_out(spoiled), np.flatnonzero(low))
+        np.testing.assert_array_equal(far_out(np.where(high, 999.0, spoiled)), np.flatnonzero(low | high))
+    rest = 1e-3 * rng.standard_normal(2900)
+    for motion in (
+        np.sin(np.arange(100) / 4),  # sets out after a long rest
+        1 + 1e-3 * rng.standard_normal(100),  # a step to another level
+        np.cumsum(rng.standard_normal(100)),
+    ):
+        assert far_out(np.r_[rest, motion]).size == 0
+        assert far_out(np.r_[np.zeros(2900), motion]).size == 0
+    assert far_out(np.r_[signal, 400.0, 700.0, signal]).tolist() == [3000, 3001]
+    assert far_out(np.full(100, np.nan)).size == 0
+
+
+@pytest.mark.parametrize("full", [2 * np.pi, 360.0])
+@pytest.mark.parametrize("offset", [0.0, 0.5])
+def test_wrapped_angles_are_seen_and_made_continuous(tmp_path, full, offset):
+    angle = full * np.cumsum(np.linspace(0.005, 0.02, 400))
+    wrapped = angle % full - offset * full
+    assert turn(wrapped) == full
+    assert turn(angle) is None
+    assert turn(0.49 * full * np.sin(np.arange(400) / 9)) is None
+    rows = [f"{0.1 * k:.1f},{wrapped[k]:.12f},{k},{wrapped[k]:.12f}" for k in range(400)]
+    log = read(write(tmp_path / "log.csv", rows), decimate=2, unwrap=["w", "torque"])
+    np.testing.assert_allclose(log.x[:, 0], angle[::2] - offset * full, atol=1e-9)
+    np.testing.assert_allclose(log.y[:, 0], angle[::2] - offset * full, atol=1e-9)
+    with pytest.raises(LogError, match="unwrap: expected a column of the states or outputs, found 'time_s'"):
+        read(tmp_path / "log.csv", unwrap=["time_s"])
+
+
+MEASURED = Path(os.environ.get("DDMHE_DATA", Path(__file__).parents[3] / "shared" / "data"))
+
+
+@pytest.mark.skipif(not MEASURED.is_dir(), reason="no measured logs: set DDMHE_DATA to the directory of data sets")
+def test_nothing_odd_is_seen_in_measured_logs():
+    """Pendulums, cars, arms and circuits, whole and thinned: no value far out, no wrapped angle."""
+    paths = sorted([*MEASURED.glob("repoimu-pendulum/*.csv"), *MEASURED.glob("input-logs/*.csv")])
+    assert len(paths) > 18
+    for path in paths:
+        frame = pd.read_csv(path)
+        for name, step in product(frame.columns[1:], (1, 4)):
+            values = frame[name].to_numpy(dtype=float)[::step]
+            assert far_out(values).size == 0, (path, name)
+            assert turn(values) is None, (path, name)
+
+
 def test_errors_are_package_errors():
     assert issubclass(LogError, DdmheError)
     assert issubclass(ConfigError, DdmheError)
@@ -268,6 +380,8 @@ def test_space_from_wrong_text(text):
         ("space = { kind = 'ridge' }", "space: expected a weight for ridge"),
         ("space = { kind = 'truncated', rank = 1.5 }", "space: expected a whole number for rank, found 1.5"),
         ("space = { kind = 'exact', rank = 1 }", "space: expected no argument for exact, found 'rank'"),
+        ("missing = -9999", "missing: expected a list of finite numbers, found -9999"),
+        ("missing = [nan]", "missing: expected a list of finite numbers"),
         ("horizon = ", "expected a TOML file, found an error in it"),
     ],
 )
