@@ -13,7 +13,8 @@
 //! | ρ | 0.95 | anything from 0.9 to 0.97 does |
 //! | M | 20 + f (M₁ - 20), M₁ the longest horizon with 0.4 T windows left (0.6 T in one recording), at most 100 | a complete state needs a few samples; hidden parts must be read off the outputs' past |
 //!
-//! With f at rounding level the weight is zero and the space exact. Should the map from prior to estimate come out
+//! With f at rounding level the weight is zero and the space exact. n + 1 samples are fitted by some affine model whatever they
+//! are: without degrees of freedom f counts as 1. Should the map from prior to estimate come out
 //! unstable (spectral radius above [`tol::SPECTRAL_RADIUS`](crate::tol::SPECTRAL_RADIUS)), the weight is raised tenfold
 //! until it is not. `make study-defaults` measures the rule against the best settings in hindsight.
 
@@ -120,7 +121,7 @@ fn misfit(history: &History, rest: Option<(&[f64], &[f64])>) -> [f64; 2] {
     }
     let samples = regressor.len();
     if samples <= n + 1 {
-        return [0.0; 2];
+        return [1.0; 2]; // no degree of freedom is left to tell noise from motion
     }
     // Centred columns: the ones column is taken care of, and large offsets cost no digits.
     let X = centred(Mat::from_fn(samples, n, |i, j| regressor[i][j]));

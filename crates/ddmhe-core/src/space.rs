@@ -19,6 +19,12 @@
 //! of each group. For the exact space this changes nothing but the numerics; for a truncated or regularised one it
 //! defines what "small" means. Everything inside this crate's estimator is in these units.
 //!
+//! *Rounding.* W is recorded in double precision, so it is off by a matrix E with |E_ij| ≤ ε_j = eps·max|channel|/s: by a
+//! multiple of eps where channels are centred, by a thousand times that where they stand a thousand deviations from zero.
+//! Singular values move by at most ‖E‖₂ ≤ ‖E‖_F ≤ √(N Σ ε_j²) (Weyl), so a direction below that may be nothing but rounding.
+//! A recording that was computed step by step carries the rounding of each step along its window as well;
+//! [`tol::DATA_ROUNDING`] makes room for that.
+//!
 //! *Coordinates.* Without a weight the coordinates are b = S z and the basis is U, orthonormal: directions that the
 //! recording hardly excited are not ill-conditioned. With a weight they are a = √N z, of unit variance over the
 //! recording, the basis is U S/√N and ‖α‖² = (1 + ‖a‖²)/N.
@@ -97,6 +103,8 @@ pub struct Scaling {
     pub(crate) unit_x: Vec<f64>,
     /// The same of the output channels.
     pub(crate) unit_y: Vec<f64>,
+    /// Σ ε² over the channels of x and of y, ε the rounding of a recorded number in scaled units.
+    rounding: [f64; 2],
 }
 
 impl Scaling {
@@ -113,7 +121,17 @@ impl Scaling {
         if s_x == 0.0 {
             return Err(Error::rank("history", "a state x that changes", "the same x in every sample"));
         }
-        Ok(Scaling { s_x, s_y: if s_y > 0.0 { s_y } else { 1.0 }, mean_x, mean_y, unit_x, unit_y })
+        let s_y = if s_y > 0.0 { s_y } else { 1.0 };
+        let squares = |size: Vec<f64>, s: f64| size.iter().map(|m| (f64::EPSILON * m / s).powi(2)).sum();
+        let rounding =
+            [squares(largest(all(History::x), history.n()), s_x), squares(largest(all(History::y), history.p()), s_y)];
+        Ok(Scaling { s_x, s_y, mean_x, mean_y, unit_x, unit_y, rounding })
+    }
+
+    /// Frobenius norm, at most, of the rounding in a stack of `windows` windows of `depth`, in scaled units.
+    fn rounding(&self, windows: usize, depth: usize) -> f64 {
+        let ([x, y], m) = (self.rounding, depth as f64);
+        (windows as f64 * (m * (x + y) + x)).sqrt()
     }
 
     /// One sample (x, y), or x alone with an empty y, as scaled deviations from the channel means.
@@ -169,6 +187,13 @@ fn unit(values: impl Iterator<Item = f64>, mean: f64, pooled: f64) -> f64 {
     let moved = hi - lo > tol::UNMOVED * lo.abs().max(hi.abs()).max(pooled);
     let own = if moved { (squares / count).sqrt() } else { mean.abs().max(beside) };
     if own > 0.0 { own } else { 1.0 }
+}
+
+/// Largest magnitude of each channel.
+fn largest(values: impl Iterator<Item = f64>, width: usize) -> Vec<f64> {
+    let mut largest = vec![0.0_f64; width];
+    values.enumerate().for_each(|(k, v)| largest[k % width] = largest[k % width].max(v.abs()));
+    largest
 }
 
 /// The windows of one depth that the data allow.
@@ -307,7 +332,8 @@ fn select(
     let mean: Vec<f64> = (0..d).map(|j| R[(0, 1 + j)] / R[(0, 0)]).collect();
     let (U, sigma) = right_singular(R.submatrix(1, 1, R.nrows() - 1, d));
     let sigma_1 = sigma.first().copied().unwrap_or(0.0);
-    let floor = sigma_1 * (tol::RANK_EPS * windows.max(d) as f64).max(selection.tol.unwrap_or(0.0));
+    let floor = (sigma_1 * (tol::RANK_EPS * windows.max(d) as f64).max(selection.tol.unwrap_or(0.0)))
+        .max(tol::DATA_ROUNDING * scaling.rounding(windows, depth));
     let above = sigma.iter().take_while(|&&s| s > floor).count();
     let rank = above.min(selection.rank.unwrap_or(usize::MAX));
     let N = windows as f64;

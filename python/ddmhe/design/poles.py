@@ -33,6 +33,9 @@ __all__ = ["PolePlacement", "pole_placement"]
 
 MARGIN = 1e-6
 """≻ 0 is asked for as ⪰ MARGIN·I: the blocks are of size 1, since (51c) makes X0dl X ≻ I."""
+EPS = float(np.finfo(float).eps)
+MARGIN_ROUNDING = 4.0
+"""Rounding counts this many times: an output made by several operations is off by more than its last digit."""
 AGREEMENT = 0.05
 """The printed and the recomputed ρ0, μ0 agree when they differ by less than this share."""
 
@@ -248,7 +251,7 @@ def _dual_data(history: History) -> _DualData:
     size = np.sqrt(np.mean(both**2, axis=1, keepdims=True))
     size = np.where(size > 0, size, 1.0)
     U, sigma, Vt = np.linalg.svd(both / size, full_matrices=False)
-    rank = int(np.sum(sigma > max(both.shape) * np.finfo(float).eps * sigma[0]))
+    rank = int(np.sum(sigma > max(_rounding(history, size, columns), max(both.shape) * EPS * sigma[0])))
     # The pseudo-inverse of the unscaled data on the directions that are kept.
     inverse = np.linalg.pinv(size * (U[:, :rank] * sigma[:rank])) if rank else np.zeros((0, n + p))
     dual = (Vt[:rank].T @ inverse).T  # (n+p) x K, [X0dl; U0dl] = [X1ᵀ Y0ᵀ]†
@@ -260,6 +263,17 @@ def _dual_data(history: History) -> _DualData:
     basis = rows[values > 1e-12 * values[0]].T
     reduced = stack @ basis
     return _DualData(reduced[:n], reduced[n : n + p], reduced[n + p :], sigma, rank, basis.shape[1] == 2 * n + p)
+
+
+def _rounding(history: History, size: Array, columns: int) -> float:
+    """Singular values of [X1; Y0]/size below this may be rounding.
+
+    A sample is off by eps times its channel's largest, a difference of two by twice that, and singular values move by no
+    more than the Frobenius norm. The margin is for outputs that were computed in several operations.
+    """
+    largest = [np.concatenate([np.abs(r[k]) for r in history.recordings]).max(axis=0) for k in (0, 1)]
+    error = 2 * EPS * np.concatenate(largest) / size[:, 0]
+    return MARGIN_ROUNDING * math.sqrt(columns * float(error @ error))
 
 
 def _definite(name: str, matrix: ArrayLike | None, size: int) -> Array:
