@@ -68,6 +68,7 @@ pub mod observer;
 mod panels;
 mod qp;
 mod reduction;
+mod rounding;
 mod snapshot;
 pub mod space;
 pub mod tol;

@@ -32,7 +32,7 @@ use crate::error::Error;
 use crate::interval::{Interval, points, weighted};
 use crate::zonotope::{Reduction, Zonotope, diagonal, inflation, reduce, row_sums};
 use contractor::{BACK, Past};
-use level::{inverse_diagonal, worst_level};
+use level::{inverse_diagonal, worst_distance};
 use std::borrow::Cow;
 use system::checked;
 
@@ -111,8 +111,8 @@ pub struct IntervalObserver<D> {
     step: usize,
     center: Vec<f64>,
     generators: Vec<f64>,
-    level: f64, // V̄
-    fade: f64,  // (1-λ)^k: what (44) as printed adds
+    distance: f64, // √V̄
+    fade: f64,     // (1-λ)^k: what (44) as printed adds
     box_: Vec<Interval>,
     past: Vec<Past>,
     estimate: IntervalEstimate,
@@ -183,7 +183,7 @@ impl<D: Dynamics> IntervalObserver<D> {
             step: 0,
             center: Vec::new(),
             generators: Vec::new(),
-            level: 0.0,
+            distance: 0.0,
             fade: 1.0,
             box_: Vec::new(),
             past: Vec::new(),
@@ -217,7 +217,7 @@ impl<D: Dynamics> IntervalObserver<D> {
     pub fn reset(&mut self) {
         let (center, radius) = (self.start.0.clone(), self.start.1.clone());
         self.step = 0;
-        self.level = worst_level(&self.gain.P, &radius);
+        self.distance = worst_distance(&self.gain.P, &radius);
         self.fade = 1.0;
         self.box_ = center.iter().zip(&radius).map(|(&c, &r)| Interval::about(c, r)).collect();
         self.generators = diagonal(&radius);
@@ -310,9 +310,9 @@ impl<D: Dynamics> IntervalObserver<D> {
         let generators = self.propagate(&J, &rest, &measured);
         let all = measured.iter().all(|m| *m);
 
-        let level = self.next_level(&rest, &generators, all);
+        let distance = self.next_distance(&rest, &generators, all);
         let fade = self.fade * (1.0 - self.gain.lambda) * inflation(1);
-        let (ball, ellipsoid) = self.level_boxes(&center, level, fade);
+        let (ball, ellipsoid) = self.level_boxes(&center, distance, fade);
 
         let hull = self.hull(&center, &generators);
         let mut predicted = Vec::with_capacity(self.n);
@@ -335,7 +335,7 @@ impl<D: Dynamics> IntervalObserver<D> {
         }
         self.past = past;
         self.step += 1;
-        self.level = level;
+        self.distance = distance;
         self.fade = fade;
         self.box_.clone_from(&predicted);
         self.estimate.center.clone_from(&center);

@@ -1,29 +1,21 @@
 //! Zonotopes ⟨p, M⟩ = {p + M ξ : ‖ξ‖∞ ≤ 1}: the sets that the interval observer carries.
 //!
 //! Equation numbers are those of the interval paper ("Interval Estimation for Bounded Jacobian Nonlinear Systems by
-//! Zonotope Analysis"). Hulls and reductions round outward, so they enclose; linear maps and sums are exact up to the
-//! rounding of their entries, which [`IntervalObserver`](crate::IntervalObserver) accounts for by a box of its own.
+//! Zonotope Analysis"). Maps, sums, reductions, hulls and supports enclose: the exact set lies in what they return. Where
+//! no operation rounds they are exact, otherwise larger by what was rounded away. Membership is to 1e-9 of the set's
+//! size and never refuses a point of the set; the volume is rounded like any other number.
 
 use crate::error::Error;
 use crate::history::check_finite;
 use crate::interval::Interval;
+use crate::rounding::{add_up, dot, sum, widen};
 use crate::{qp, tol};
-use faer::{Mat, Side};
+use faer::Mat;
 
-/// How [`Zonotope::reduce`] encloses a zonotope by one of fewer generators.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Reduction {
-    /// ↓q of the interval paper's appendix, with the absolute values that it lacks in print: the q - n longest generators
-    /// (Euclidean norm) stay, the others are boxed by their row sums.
-    Paper,
-    /// Girard 2005: the generators with the smallest ‖g‖₁ - ‖g‖∞ (nearly axis-parallel) are boxed.
-    #[default]
-    Girard,
-    /// Combastel 2003: the shortest generators (Euclidean norm) are boxed. The same set as [`Paper`](Self::Paper).
-    Combastel,
-    /// As Girard, but boxed along the principal axes of the generators that go (Kopetzki, Schürmann, Althoff 2017).
-    Pca,
-}
+mod reduce;
+
+pub use reduce::Reduction;
+pub(crate) use reduce::reduce;
 
 /// A zonotope in n dimensions. Generators are stored one after another (column-major, n numbers each).
 #[derive(Debug, Clone, PartialEq)]
@@ -97,55 +89,100 @@ impl Zonotope {
         &self.generators
     }
 
-    /// A ⊙ ⟨p, M⟩ = ⟨A p, A M⟩ (2), A row-major with n columns.
+    /// Holds A ⊙ ⟨p, M⟩ = ⟨A p, A M⟩ (2), A row-major with n columns, and is that set where nothing rounds.
+    ///
+    /// Otherwise the generators are longer by what was lost, less than 1e-9 of each; where they do not span all
+    /// directions well, up to one axis-parallel generator a row is added.
     ///
     /// # Errors
-    /// Shape or value of A.
+    /// Shape or value of A; an image beyond the range of floats.
     pub fn linear_map(&self, A: &[f64]) -> Result<Self, Error> {
+        self.image(A, &[])
+    }
+
+    /// ⟨A p, A M⟩ with the columns of `box_`, and with what was rounded.
+    fn image(&self, A: &[f64], box_: &[f64]) -> Result<Self, Error> {
         let n = self.n();
         if A.is_empty() || !A.len().is_multiple_of(n) {
             return Err(Error::shape("A", format!("rows of {n} numbers"), format!("{} numbers", A.len())));
         }
         check_finite("A", A, n)?;
-        let center = map(A, &self.center);
-        let generators = self.generators.chunks_exact(n).flat_map(|g| map(A, g)).collect();
-        Zonotope::new(center, generators)
+        let mut lost = vec![0.0; A.len() / n];
+        let mut image = Vec::with_capacity((self.count() + 1) * lost.len());
+        for x in std::iter::once(&self.center[..]).chain(self.generators.chunks_exact(n)) {
+            for (row, lost) in A.chunks_exact(n).zip(&mut lost) {
+                let (value, error) = dot(row, x);
+                image.push(value);
+                *lost = add_up(*lost, error);
+            }
+        }
+        let mut generators = image.split_off(lost.len());
+        generators.extend(box_);
+        Zonotope::widened("A", image, generators, &lost)
     }
 
-    /// ⟨p + v, M⟩.
+    /// ⟨center, generators⟩ ⊕ the box of half widths `lost`; `argument` is to blame if floats do not hold it.
+    fn widened(
+        argument: &'static str,
+        center: Vec<f64>,
+        mut generators: Vec<f64>,
+        lost: &[f64],
+    ) -> Result<Self, Error> {
+        if lost.iter().any(|l| *l != 0.0) {
+            widen(center.len(), &mut generators, lost);
+        }
+        finite(argument, &center)?;
+        finite(argument, &generators)?;
+        Ok(Zonotope { center, generators })
+    }
+
+    /// Holds ⟨p + v, M⟩.
     ///
     /// # Errors
-    /// Shape or value of v.
+    /// Shape or value of v; a sum beyond the range of floats.
     pub fn translate(&self, v: &[f64]) -> Result<Self, Error> {
-        self.minkowski_sum(&Zonotope::new(v.to_vec(), Vec::new())?)
+        crate::config::check_vector("v", v, self.n())?;
+        self.plus("v", v, &[])
     }
 
-    /// ⟨p₁, M₁⟩ ⊕ ⟨p₂, M₂⟩ = ⟨p₁ + p₂, \[M₁, M₂\]⟩ (5).
+    /// Holds ⟨p₁, M₁⟩ ⊕ ⟨p₂, M₂⟩ = ⟨p₁ + p₂, \[M₁, M₂\]⟩ (5); what the centers' sum rounds widens as in
+    /// [`linear_map`](Self::linear_map).
     ///
     /// # Errors
-    /// The dimensions differ.
+    /// The dimensions differ; a sum beyond the range of floats.
     pub fn minkowski_sum(&self, other: &Self) -> Result<Self, Error> {
         if self.n() != other.n() {
             return Err(Error::shape("other", format!("dimension {}", self.n()), other.n()));
         }
-        let center = self.center.iter().zip(&other.center).map(|(a, b)| a + b).collect();
-        Zonotope::new(center, [&self.generators[..], &other.generators].concat())
+        self.plus("other", &other.center, &other.generators)
+    }
+
+    fn plus(&self, argument: &'static str, center: &[f64], generators: &[f64]) -> Result<Self, Error> {
+        let (center, lost): (Vec<f64>, Vec<f64>) = self.center.iter().zip(center).map(|(&a, &b)| sum(a, b)).unzip();
+        Zonotope::widened(argument, center, [&self.generators[..], generators].concat(), &lost)
     }
 
     /// \[M\] Bᵐ ⊕ p ⊂ ⟨mid A p + …, \[D^c, D^s\]⟩, Lemma 2: an interval matrix (row-major, n columns) times this zonotope.
     ///
     /// # Errors
-    /// Shape of A.
+    /// Shape or value of A; an image beyond the range of floats.
     pub fn interval_map(&self, A: &[Interval]) -> Result<Self, Error> {
         let n = self.n();
+        if let Some(a) = A.iter().find(|a| !(a.lo.is_finite() && a.hi.is_finite())) {
+            return Err(Error::value("A", "finite bounds", format!("[{}, {}]", a.lo, a.hi)));
+        }
         let mid: Vec<f64> = A.iter().map(|a| a.mid()).collect();
-        let rad: Vec<f64> = A.iter().map(|a| a.rad()).collect();
-        let mut image = self.linear_map(&mid)?;
         let magnitude: Vec<f64> =
-            row_sums(n, &self.generators).iter().zip(&self.center).map(|(r, c)| (r + c.abs()) * inflation(1)).collect();
-        let D_s = map(&rad, &magnitude);
-        image.generators.extend(diagonal(&D_s.iter().map(|r| r * inflation(n)).collect::<Vec<_>>()));
-        Ok(image)
+            self.half_widths().iter().zip(&self.center).map(|(r, c)| add_up(*r, c.abs())).collect();
+        let reach = |row: &[Interval]| {
+            let sum = row.iter().zip(&magnitude).map(|(a, &m)| match a.rad() {
+                0.0 => 0.0,
+                rad => (Interval::point(rad) * Interval::point(m)).hi,
+            });
+            sum.fold(0.0, add_up)
+        };
+        let D_s: Vec<f64> = A.chunks_exact(n).map(reach).collect();
+        self.image(&mid, &diagonal(&D_s))
     }
 
     /// Half widths of the interval hull: row sums of |M| (6), rounded upward.
@@ -158,13 +195,19 @@ impl Zonotope {
         self.center.iter().zip(self.half_widths()).map(|(&c, r)| Interval::about(c, r)).collect()
     }
 
-    /// max dᵀx over the set: dᵀp + Σ|dᵀg|.
+    /// max dᵀx over the set, dᵀp + Σ|dᵀg|, rounded upward; infinite if floats do not reach.
     ///
     /// # Errors
     /// Shape or value of d.
     pub fn support(&self, d: &[f64]) -> Result<f64, Error> {
         crate::config::check_vector("d", d, self.n())?;
-        Ok(map(d, &self.center)[0] + self.generators.chunks_exact(self.n()).map(|g| map(d, g)[0].abs()).sum::<f64>())
+        let (center, lost) = dot(d, &self.center);
+        let reach = self.generators.chunks_exact(self.n()).fold(lost, |reach, g| {
+            let (value, lost) = dot(d, g);
+            add_up(reach, add_up(value.abs(), lost))
+        });
+        let support = add_up(center, reach);
+        Ok(if support.is_nan() { f64::INFINITY } else { support })
     }
 
     /// Is x in the set? Two cheap tests first (outside of the hull; least-norm ξ inside the unit box), then the linear
@@ -175,8 +218,13 @@ impl Zonotope {
     pub fn contains(&self, x: &[f64]) -> Result<bool, Error> {
         let n = self.n();
         crate::config::check_vector("x", x, n)?;
-        let d: Vec<f64> = x.iter().zip(&self.center).map(|(x, c)| x - c).collect();
-        let half = self.half_widths();
+        // every row in a unit, a power of two, in which its numbers are below one: sums cannot leave the floats
+        let units = self.units(x);
+        let scaled =
+            |v: &[f64]| -> Vec<f64> { v.iter().zip(units.iter().cycle()).map(|(v, u)| libm::scalbn(*v, -u)).collect() };
+        let (x, generators) = (&scaled(x)[..], &scaled(&self.generators)[..]);
+        let d: Vec<f64> = x.iter().zip(scaled(&self.center)).map(|(x, c)| x - c).collect();
+        let half = row_sums(n, generators);
         let room = 1.0 + tol::MEMBER;
         if d.iter().zip(&half).zip(x).any(|((d, h), x)| d.abs() > h * room + 2.0 * f64::EPSILON * x.abs()) {
             return Ok(false);
@@ -187,8 +235,7 @@ impl Zonotope {
             return Ok(true);
         }
         let d: Vec<f64> = kept.iter().map(|&i| d[i] / half[i]).collect();
-        let columns: Vec<f64> =
-            self.generators.chunks_exact(n).flat_map(|g| kept.iter().map(|&i| g[i] / half[i])).collect();
+        let columns: Vec<f64> = generators.chunks_exact(n).flat_map(|g| kept.iter().map(|&i| g[i] / half[i])).collect();
         let rest = |xi: &[f64]| -> Vec<f64> {
             let image = |i: usize| (0..xi.len()).map(|j| columns[j * d.len() + i] * xi[j]).sum::<f64>();
             (0..d.len()).map(|i| d[i] - image(i)).collect()
@@ -212,7 +259,16 @@ impl Zonotope {
         Ok(map(&y, &d)[0] <= reach * room)
     }
 
-    /// Largest half width of the hull.
+    /// Exponents of two of each row's largest number, those of x (n) among them.
+    fn units(&self, x: &[f64]) -> Vec<i32> {
+        let mut largest: Vec<f64> = x.iter().map(|v| v.abs()).collect();
+        for column in std::iter::once(&self.center[..]).chain(self.generators.chunks_exact(self.n())) {
+            largest.iter_mut().zip(column).for_each(|(l, v)| *l = l.max(v.abs()));
+        }
+        largest.iter().map(|l| if *l > 0.0 { libm::ilogb(*l) + 1 } else { 0 }).collect()
+    }
+
+    /// Largest half width of the hull, rounded upward.
     pub fn radius(&self) -> f64 {
         self.half_widths().into_iter().fold(0.0, f64::max)
     }
@@ -220,108 +276,60 @@ impl Zonotope {
     /// 2ⁿ Σ |det| over all choices of n generators: the exact volume (length, area), up to rounding.
     ///
     /// # Errors
-    /// n above 3.
+    /// n above 3; a volume beyond the range of floats.
     pub fn volume(&self) -> Result<f64, Error> {
-        let g: Vec<&[f64]> = self.generators.chunks_exact(self.n()).collect();
-        let m = g.len();
-        match self.n() {
-            1 => Ok(2.0 * g.iter().map(|g| g[0].abs()).sum::<f64>()),
-            2 => {
-                let det = |a: &[f64], b: &[f64]| (a[0] * b[1] - a[1] * b[0]).abs();
-                Ok(4.0 * (0..m).flat_map(|i| (0..i).map(move |j| (i, j))).map(|(i, j)| det(g[i], g[j])).sum::<f64>())
-            }
-            3 => {
-                let mut sum = 0.0;
-                for i in 0..m {
-                    for j in 0..i {
-                        let (a, b) = (g[i], g[j]);
-                        let cross = [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
-                        sum += (0..j).map(|k| map(&cross, g[k])[0].abs()).sum::<f64>();
-                    }
-                }
-                Ok(8.0 * sum)
-            }
-            n => Err(Error::value("volume", "at most 3 dimensions", n)),
+        let n = self.n();
+        if n > 3 {
+            return Err(Error::value("volume", "at most 3 dimensions", n));
         }
+        let spread = Zonotope { center: vec![0.0; n], generators: self.generators.clone() };
+        let units = spread.units(&vec![0.0; n]);
+        let scaled: Vec<f64> =
+            self.generators.iter().zip(units.iter().cycle()).map(|(v, u)| libm::scalbn(*v, -u)).collect();
+        let volume = libm::scalbn(small_volume(n, &scaled), units.iter().sum());
+        finite("volume", &[volume])?;
+        Ok(volume)
     }
 
     /// A zonotope of at most q ≥ n generators that holds this one.
     ///
     /// # Errors
-    /// q below n.
+    /// q below n; generators whose sums leave the range of floats.
     pub fn reduce(&self, q: usize, method: Reduction) -> Result<Self, Error> {
         if q < self.n() {
             return Err(Error::value("q", format!("at least the dimension, {}", self.n()), q));
         }
         let mut generators = self.generators.clone();
         reduce(self.n(), &mut generators, q, method);
+        finite("generators", &generators)?;
         Ok(Zonotope::from_parts(self.center.clone(), generators))
     }
 }
 
-/// ↓q in place: columns that are all zero go, then the q - n that `method` ranks first stay and a box holds the others.
-pub(crate) fn reduce(n: usize, columns: &mut Vec<f64>, q: usize, method: Reduction) {
-    let mut kept = 0;
-    for j in 0..columns.len() / n {
-        if columns[j * n..(j + 1) * n].iter().any(|v| *v != 0.0) {
-            columns.copy_within(j * n..(j + 1) * n, kept * n);
-            kept += 1;
-        }
-    }
-    columns.truncate(kept * n);
-    if kept <= q {
-        return;
-    }
-    let size = |g: &[f64]| match method {
-        Reduction::Paper | Reduction::Combastel => g.iter().map(|v| v * v).sum::<f64>(),
-        Reduction::Girard | Reduction::Pca => {
-            g.iter().map(|v| v.abs()).sum::<f64>() - g.iter().fold(0.0, |m: f64, v| m.max(v.abs()))
-        }
-    };
-    let mut ranked: Vec<(f64, usize)> = columns.chunks_exact(n).map(size).zip(0..).collect();
-    if q > n {
-        ranked.select_nth_unstable_by(q - n - 1, |a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
-    }
-    let mut sorted = Vec::with_capacity(columns.len());
-    ranked.iter().for_each(|&(_, j)| sorted.extend_from_slice(&columns[j * n..(j + 1) * n]));
-    let (stay, go) = sorted.split_at((q - n) * n);
-    columns.clear();
-    columns.extend_from_slice(stay);
-    match method {
-        Reduction::Pca => columns.extend(oriented_box(n, go)),
-        _ => columns.extend(diagonal(&row_sums(n, go))),
+/// Value error of `argument` unless every result is a number.
+fn finite(argument: &'static str, results: &[f64]) -> Result<(), Error> {
+    match results.iter().find(|v| !v.is_finite()) {
+        None => Ok(()),
+        Some(v) => Err(Error::value(argument, "a result within the range of floats, 1.8e308", v)),
     }
 }
 
-/// Columns of V diag(s) that hold M Bᵐ, V the principal axes of M.
-fn oriented_box(n: usize, columns: &[f64]) -> Vec<f64> {
-    let boxed = || diagonal(&row_sums(n, columns));
-    let gram = Mat::from_fn(n, n, |i, j| columns.chunks_exact(n).map(|g| g[i] * g[j]).sum::<f64>());
-    let Ok(found) = gram.self_adjoint_eigen(Side::Lower) else { return boxed() };
-    let V = found.U();
-    // M = V Vᵀ M + (I - V Vᵀ) M: with |I - V Vᵀ| at most `skew` in every entry, s grows by what the rest can add.
-    let mut skew = 0.0_f64;
-    for i in 0..n {
-        for j in 0..n {
-            let product: f64 = (0..n).map(|k| V[(i, k)] * V[(j, k)]).sum();
-            skew = skew.max((product - f64::from(u8::from(i == j))).abs());
+/// 2ⁿ Σ |det| for n = 1, 2, 3, of generators that are at most about 1.
+fn small_volume(n: usize, generators: &[f64]) -> f64 {
+    let g: Vec<&[f64]> = generators.chunks_exact(n).collect();
+    let pairs = (0..g.len()).flat_map(|i| (0..i).map(move |j| (i, j)));
+    match n {
+        1 => 2.0 * g.iter().map(|g| g[0].abs()).sum::<f64>(),
+        2 => 4.0 * pairs.map(|(i, j)| (g[i][0] * g[j][1] - g[i][1] * g[j][0]).abs()).sum::<f64>(),
+        _ => {
+            let triples = pairs.map(|(i, j)| {
+                let (a, b) = (g[i], g[j]);
+                let cross = [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
+                (0..j).map(|k| map(&cross, g[k])[0].abs()).sum::<f64>()
+            });
+            8.0 * triples.sum::<f64>()
         }
     }
-    skew += 2.0 * n as f64 * f64::EPSILON;
-    if !(skew < 1e-12) {
-        return boxed();
-    }
-    let total: f64 = columns.iter().map(|v| v.abs()).sum::<f64>() * inflation(columns.len());
-    // The rest is a vector of entries at most skew·total; Vᵀ and V⁻¹ agree to 1e-12 there, hence the factor 2.
-    let extra = 2.0 * n as f64 * (skew + (n as f64 + 2.0) * f64::EPSILON) * total;
-    let mut turned = vec![0.0; n * n];
-    for i in 0..n {
-        let axis: Vec<f64> = (0..n).map(|k| V[(k, i)]).collect();
-        let sum: f64 = columns.chunks_exact(n).map(|g| map(&axis, g)[0].abs()).sum();
-        let s = sum * inflation(columns.len()) + extra;
-        (0..n).for_each(|k| turned[i * n + k] = axis[k] * s);
-    }
-    turned
 }
 
 /// Bounds of dᵀe over all e of ⟨0, M⟩ with aᵀe in `strip`; None if there is no such e.
@@ -333,8 +341,11 @@ pub(crate) fn strip_range(columns: &[f64], sums: &[f64], d: &[f64], a: &[f64], s
     let n = d.len();
     let inner = |x: &[f64], g: &[f64]| x.iter().zip(g).map(|(x, g)| x * g).sum::<f64>();
     let images: Vec<(f64, f64)> = columns.chunks_exact(n).map(|g| (inner(d, g), inner(a, g))).collect();
-    // what rounding may have taken from the images, summed over the generators
-    let lost = |x: &[f64]| (n as f64 + 2.0) * f64::EPSILON * x.iter().zip(sums).map(|(x, s)| x.abs() * s).sum::<f64>();
+    // what rounding may have taken from the images, summed over the generators; MIN_POSITIVE: below the normal numbers
+    let lost = |x: &[f64]| {
+        let size: f64 = x.iter().zip(sums).map(|(x, s)| x.abs() * s).sum();
+        (n as f64 + 2.0) * f64::EPSILON * size + f64::MIN_POSITIVE
+    };
     let (lost_d, lost_a) = (lost(d), lost(a));
     let upper = |sign: f64| -> f64 {
         let bound = |nu: f64| {

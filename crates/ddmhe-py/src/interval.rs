@@ -1,6 +1,6 @@
 //! `ddmhe.Zonotope` and the engine of `ddmhe.interval.IntervalObserver`.
 
-use crate::convert::{DdmheError, Numbers, ShapeError, array1, array2, raise, whole};
+use crate::convert::{DdmheError, ModelViolationError, Numbers, ShapeError, array1, array2, raise, whole};
 use ddmhe_core::observer::{Dynamics, Euler, Gain, Linear, Method, Options, Pendulum, System, Uncertain};
 use ddmhe_core::{Error, Interval, IntervalEstimate, Reduction};
 use numpy::{PyArray1, PyArray2};
@@ -311,7 +311,7 @@ impl Bounds {
     }
 }
 
-/// All sets of a run.
+/// All sets of a run: N rows, up to the first sample that contradicts model and bounds.
 #[pyclass(module = "ddmhe", name = "IntervalLog", frozen)]
 pub struct IntervalLog {
     n: usize,
@@ -321,6 +321,7 @@ pub struct IntervalLog {
     filtered: [Vec<f64>; 2],
     ball: [Vec<f64>; 2],
     ellipsoid: [Vec<f64>; 2],
+    violation: Option<String>,
 }
 
 type Sides<'py> = (Bound<'py, PyArray2<f64>>, Bound<'py, PyArray2<f64>>);
@@ -333,6 +334,24 @@ impl IntervalLog {
 
 #[pymethods]
 impl IntervalLog {
+    /// N
+    fn __len__(&self) -> usize {
+        self.lower.len() / self.n
+    }
+
+    /// Why the run ended before its last sample: the ModelViolationError that a step with sample N raises, or None.
+    #[getter]
+    fn violation<'py>(&self, py: Python<'py>) -> Option<Bound<'py, PyAny>> {
+        self.violation
+            .as_ref()
+            .map(|text| ModelViolationError::new_err(text.clone()).into_value(py).into_bound(py).into_any())
+    }
+
+    fn __repr__(&self) -> String {
+        let end = self.violation.as_ref().map_or(String::new(), |text| format!(", violation={text:?}"));
+        format!("IntervalLog(N={}, n={}{end})", self.__len__(), self.n)
+    }
+
     /// Lower bounds (N, n); row k is of x(k+1).
     #[getter]
     fn lower<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
@@ -453,12 +472,19 @@ impl ObserverCore {
         let side = || Vec::with_capacity(rows * n);
         let pair = || [side(), side()];
         let (lower, upper, center) = (side(), side(), side());
-        let mut log = IntervalLog { n, lower, upper, center, filtered: pair(), ball: pair(), ellipsoid: pair() };
+        let mut log =
+            IntervalLog { n, lower, upper, center, filtered: pair(), ball: pair(), ellipsoid: pair(), violation: None };
         let core = &mut self.0;
         py.detach(|| {
             for k in 0..rows {
                 let u = if U.is_empty() { &[][..] } else { &U[k * inputs..(k + 1) * inputs] };
-                let e = core.step(&Y[k * p..(k + 1) * p], u)?;
+                let e = match core.step(&Y[k * p..(k + 1) * p], u) {
+                    Err(e @ Error::ModelViolation { .. }) => {
+                        log.violation = Some(e.to_string());
+                        break;
+                    }
+                    step => step?,
+                };
                 log.lower.extend(e.predicted.iter().map(|x| x.lo));
                 log.upper.extend(e.predicted.iter().map(|x| x.hi));
                 log.center.extend(&e.center);

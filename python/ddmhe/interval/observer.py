@@ -38,8 +38,8 @@ class IntervalObserver:
     Raises
     ------
     ShapeError, NotFiniteError, DdmheError
-        Wrong arguments. `step` and `run` raise ModelViolationError where a measurement contradicts model and bounds;
-        the observer is then as before that sample.
+        Wrong arguments. `step` raises ModelViolationError where a measurement contradicts model and bounds, `run` ends
+        there; the observer is then as before that sample.
     """
 
     def __init__(
@@ -80,7 +80,11 @@ class IntervalObserver:
         return self._core.step(y, self._input(u))
 
     def run(self, Y: ArrayLike, U: ArrayLike | None = None) -> IntervalLog:
-        """Consume Y (N, p) and U (N, n_u): the same numbers as N calls of `step`."""
+        """Consume Y (N, p) and U (N, n_u): the same numbers as N calls of `step`.
+
+        A sample that contradicts model and bounds ends the run: the log then has a row for each sample before it, and
+        its `violation` is the ModelViolationError that `step` raises there (None: the run came to its end).
+        """
         return self._core.run(Y, self._input(U))
 
     def reset(self) -> None:

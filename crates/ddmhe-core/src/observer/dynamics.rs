@@ -83,7 +83,8 @@ impl Dynamics for Euler {
 
     fn output_error(&self, x: &[Interval], out: &mut [f64]) -> Result<(), Error> {
         for (j, row) in self.output_radius.chunks_exact(3).enumerate() {
-            out[j] = row.iter().zip(x).map(|(r, x)| r * x.mag()).sum::<f64>() * inflation(3);
+            let reach = row.iter().zip(x).map(|(&r, x)| Interval::point(r) * Interval::point(x.mag()));
+            out[j] = reach.fold(Interval::ZERO, |sum, r| sum + r).hi;
         }
         Ok(())
     }

@@ -1,66 +1,98 @@
 //! The peak-to-peak bound: the level V̄ of V = eᵀPe, the ball (44) and the ellipsoid's box.
+//!
+//! Carried is √V̄, the distance of e from 0 in the norm of P: squares of radii below 1e-154 or above 1e154 are no floats.
 
 use super::{Dynamics, IntervalObserver, Method};
 use crate::error::Error;
 use crate::interval::Interval;
+use crate::rounding::TINY;
 use crate::zonotope::{inflation, row_sums};
 use faer::linalg::solvers::DenseSolveCore;
 use faer::{Mat, Side};
 
 impl<D: Dynamics> IntervalObserver<D> {
-    /// V̄ of the next sample: (41), then a distance of `rest`. Without all outputs (41) does not hold, but the zonotope does.
-    pub(super) fn next_level(&self, rest: &[f64], generators: &[f64], all: bool) -> f64 {
-        if !self.level.is_finite() && all || self.gain.gamma.is_infinite() {
+    /// √V̄ of the next sample: (41), then a distance of `rest`. Without all outputs (41) does not hold, but the zonotope does.
+    pub(super) fn next_distance(&self, rest: &[f64], generators: &[f64], all: bool) -> f64 {
+        let g = &self.gain;
+        if !self.distance.is_finite() && all || g.gamma.is_infinite() {
             return f64::INFINITY;
         }
         if !all {
-            return worst_level(&self.gain.P, &row_sums(self.n, generators));
+            return worst_distance(&g.P, &row_sums(self.n, generators));
         }
-        let contracted = ((1.0 - self.gain.lambda) * self.level + self.gain.gamma * self.power()) * inflation(8);
-        ((contracted.sqrt() + worst_level(&self.gain.P, rest).sqrt()) * inflation(2)).powi(2) * inflation(2)
-    }
-
-    /// ‖w̄‖² + ‖v̄‖², upward.
-    fn power(&self) -> f64 {
-        let sum: f64 = self.system.w_radius.iter().chain(&self.system.v_radius).map(|r| r * r).sum();
-        sum * inflation(self.system.w_radius.len() + self.system.v_radius.len())
+        let power = norm(&[&self.system.w_radius[..], &self.system.v_radius].concat());
+        let contracted = libm::hypot((1.0 - g.lambda).sqrt() * self.distance, g.gamma.sqrt() * power);
+        (contracted * inflation(8) + worst_distance(&g.P, rest) + 4.0 * TINY) * inflation(2)
     }
 
     /// The ball of (44) and the ellipsoid's box.
-    pub(super) fn level_boxes(&self, center: &[f64], level: f64, fade: f64) -> (Vec<Interval>, Vec<Interval>) {
-        if !level.is_finite() {
+    pub(super) fn level_boxes(&self, center: &[f64], distance: f64, fade: f64) -> (Vec<Interval>, Vec<Interval>) {
+        if !distance.is_finite() {
             return (vec![Interval::ENTIRE; self.n], vec![Interval::ENTIRE; self.n]);
         }
         let g = &self.gain;
-        let square = |r: &[f64]| r.iter().map(|r| r * r).sum::<f64>();
-        let (w, v) = (square(&self.system.w_radius), square(&self.system.v_radius));
-        let mu = g.mu_w + g.mu_v;
+        // all in a unit, a power of two, in which the largest is about one: what underflows there is below the slack
+        let (w, v) = (norm(&self.system.w_radius), norm(&self.system.v_radius));
+        let unit = exponent(distance.max(w).max(v));
+        let square = |x: f64| libm::scalbn(x, -unit).powi(2);
+        let (level, w, v) = (square(distance), square(w), square(v));
         // λV̄ + (μ_w - γ)w̄² + (μ_v - γ)v̄² from (23); the printed (44) lets the sum in V̄ run to infinity
         let tail = if self.method == Method::Paper { g.gamma * fade * (w + v) } else { 0.0 };
         let inner = g.lambda * level + (g.mu_w - g.gamma) * w + (g.mu_v - g.gamma) * v + tail;
-        let slack = 8.0 * f64::EPSILON * (g.lambda * level + (g.mu_w + g.mu_v + g.gamma) * (w + v));
-        let phi = (mu * (inner + slack).max(0.0)).sqrt() * inflation(8);
-        let boxed =
-            |radius: &dyn Fn(usize) -> f64| (0..self.n).map(|i| Interval::about(center[i], radius(i))).collect();
-        (boxed(&|i| phi / g.weights[i] * inflation(1)), boxed(&|i| (level * self.P_inverse[i]).sqrt() * inflation(8)))
+        let slack = 8.0 * f64::EPSILON * (g.lambda * level + (g.mu_w + g.mu_v + g.gamma) * (w + v)) + f64::MIN_POSITIVE;
+        let phi = libm::scalbn((g.mu_w + g.mu_v).sqrt() * (inner + slack).max(0.0).sqrt() * inflation(8), unit);
+        let boxed = |radius: &dyn Fn(usize) -> f64| {
+            (0..self.n).map(|i| Interval::about(center[i], radius(i) + 4.0 * TINY)).collect()
+        };
+        (
+            boxed(&|i| (phi + TINY) / g.weights[i] * inflation(1)),
+            boxed(&|i| distance * self.P_inverse[i].sqrt() * inflation(8)),
+        )
     }
 }
 
-/// max eᵀPe over |e| ≤ r, upward: over the vertices of the box up to n = 10, Σ|P_ij| r_i r_j beyond (a convex function has
-/// its maximum at a vertex).
-pub(super) fn worst_level(P: &[f64], r: &[f64]) -> f64 {
+/// The exponent of two of x ≥ 0, for units; 0 for 0.
+fn exponent(x: f64) -> i32 {
+    if x > 0.0 && x.is_finite() { libm::ilogb(x) } else { 0 }
+}
+
+/// ‖x‖₂, upward.
+fn norm(x: &[f64]) -> f64 {
+    let unit = exponent(x.iter().fold(0.0, |m, v| m.max(v.abs())));
+    let sum: f64 = x.iter().map(|v| libm::scalbn(*v, -unit).powi(2)).sum();
+    let root = libm::scalbn((sum * inflation(x.len())).sqrt() * inflation(2), unit);
+    if root > 0.0 { root + TINY } else { root }
+}
+
+/// max √(eᵀPe) over |e| ≤ r, upward: over the vertices of the box up to n = 10, √(Σ|P_ij| r_i r_j) beyond (a convex
+/// function has its maximum at a vertex).
+pub(super) fn worst_distance(P: &[f64], r: &[f64]) -> f64 {
     let n = r.len();
+    // in units of 1/√P_ii, and of the largest of them: P has a diagonal of ones, and no square leaves the floats
+    let root: Vec<f64> = (0..n).map(|i| P[i * n + i].sqrt()).collect();
+    let reach: Vec<f64> = r.iter().zip(&root).map(|(r, root)| r * root).collect();
+    let largest = reach.iter().copied().fold(0.0, f64::max);
+    if reach.iter().any(|r| !r.is_finite()) {
+        return f64::INFINITY;
+    }
+    let unit = exponent(largest);
+    let reach: Vec<f64> = reach.iter().map(|r| libm::scalbn(*r, -unit)).collect();
+    let entry = |i: usize, j: usize| P[i * n + j] / root[i] / root[j] * reach[i] * reach[j];
+    let products: Vec<f64> = (0..n * n).map(|k| entry(k / n, k % n)).collect();
     let sum = |sign: &dyn Fn(usize) -> f64| -> f64 {
-        (0..n).map(|i| (0..n).map(|j| P[i * n + j] * sign(i) * sign(j) * r[i] * r[j]).sum::<f64>()).sum()
+        (0..n).map(|i| (0..n).map(|j| products[i * n + j] * sign(i) * sign(j)).sum::<f64>()).sum()
     };
-    let magnitude: f64 = (0..n).map(|i| (0..n).map(|j| P[i * n + j].abs() * r[i] * r[j]).sum::<f64>()).sum();
+    let magnitude: f64 = products.iter().map(|v| v.abs()).sum();
     let worst = match n {
         0..=10 => {
             (0..1_u32 << (n - 1)).map(|bits| sum(&|i| if bits >> i & 1 == 1 { -1.0 } else { 1.0 })).fold(0.0, f64::max)
         }
         _ => magnitude,
     };
-    worst + magnitude * (n * n + 4) as f64 * f64::EPSILON
+    let level = worst + magnitude * (n * n + 16) as f64 * f64::EPSILON;
+    let distance = libm::scalbn(level.sqrt() * inflation(2), unit);
+    // what the reaches lost below the normal numbers
+    if r.iter().any(|r| *r > 0.0) { distance + 2.0 * n as f64 * TINY } else { distance }
 }
 
 /// Upper bounds of the diagonal of P⁻¹.
