@@ -16,7 +16,7 @@ from rich.progress import Progress
 
 from ddmhe import demo as demo_case
 from ddmhe import report
-from ddmhe._core import DdMhe, DdmheError, ModelViolationError
+from ddmhe._core import DdMhe, DdmheError
 from ddmhe._core import Log as Estimates
 from ddmhe.config import READING, read_config, space_from_text, write_config
 from ddmhe.logs import Log, Split, read_log
@@ -70,6 +70,17 @@ def _numbers(ctx: click.Context, param: click.Parameter, value: str | None) -> t
     if not numbers or not np.isfinite(numbers).all():
         raise click.BadParameter(f"expected finite numbers separated by commas, found {value!r}")
     return numbers
+
+
+def _radius(ctx: click.Context, param: click.Parameter, value: str | None) -> Array | None:
+    """One number for all columns, or one a column, separated by commas."""
+    if value is None:
+        return None
+    try:
+        found = np.array([float(v) for v in value.split(",")])
+    except ValueError:
+        raise click.BadParameter(f"expected a number, or one a column parted by commas, found {value!r}") from None
+    return found[0] if len(found) == 1 else found
 
 
 def reading_options(required: bool) -> Callable[[Any], Any]:
@@ -289,21 +300,30 @@ def tune(log: Path, out: Path, output_noise: float | None, rest: bool, **given: 
 @cli.command("interval")
 @click.argument("log", metavar="pendulum|LOG")
 @reading_options(required=False)
-@click.option("--w-radius", type=float, help="Bound on |x(k+1) - A x(k) - e|, unit of the states.")
-@click.option("--v-radius", type=float, help="Bound on |y(k) - C x(k) - r|, unit of the outputs.")
+@click.option(
+    "--w-radius", callback=_radius, metavar="R|R1,R2,...", help="Bound on |x(k+1) - A x(k) - e|, units of the states."
+)
+@click.option(
+    "--v-radius", callback=_radius, metavar="R|R1,R2,...", help="Bound on |y(k) - C x(k) - r|, units of the outputs."
+)
+@click.option(
+    "--kappa", type=float, default=1.1, show_default=True, help="Without radii: times the smallest that the log admits."
+)
+@click.option("--accept-wide", is_flag=True, help="Write bounds that say little, too.")
 @click.option(
     "--out", type=click.Path(path_type=Path), default=Path("ddmhe-interval"), show_default=True, metavar="DIR"
 )
-def interval_command(log: str, w_radius: float | None, v_radius: float | None, out: Path, **given: Any) -> None:
+def interval_command(log: str, out: Path, **given: Any) -> None:
     """Guaranteed intervals: of the interval paper's pendulum, or of a LOG's states after its history.
 
     pendulum: gain, gains in the peak, widths of every method, both figures of the paper with ours beside it. LOG: an
-    interval observer for every affine system that the history allows with the stated bounds on its noise.
+    interval observer for every affine system that the history allows with the stated bounds on its noise, and a
+    verdict: the width against the recorded range. Bounds wider than half of it are refused with exit code 2.
     """
     if log == "pendulum":
         _interval_pendulum(out)
     else:
-        _interval_log(Path(log), w_radius, v_radius, out, given)
+        _interval_log(Path(log), out, given)
 
 
 def _interval_pendulum(out: Path) -> None:
@@ -322,47 +342,75 @@ def _interval_pendulum(out: Path) -> None:
     _print_written(console, written)
 
 
-def _interval_log(log: Path, w_radius: float | None, v_radius: float | None, out: Path, given: dict[str, Any]) -> None:
-    from ddmhe.interval import from_history
-    from ddmhe.plot import intervals_figure
+def _interval_log(log: Path, out: Path, given: dict[str, Any]) -> None:
+    from ddmhe.interval import from_history, judge
 
-    radii = {"--w-radius": w_radius, "--v-radius": v_radius}
+    radii = {f"--{end}-radius": given[f"{end}_radius"] for end in "wv"}
+    if all(value is None for value in radii.values()):
+        radii = dict.fromkeys(radii, "auto")
     needed = {f"--{key}": given[key] for key in ("state", "output", "history")} | radii
     for name, value in needed.items():
-        if value is None or value == ():
+        if value is None or (isinstance(value, tuple) and not value):
             raise click.UsageError(f"{name}: expected with a log, found none")
     samples, split = _read(log, given)
-    model = from_history(split.history, np.float64(w_radius or 0.0), np.float64(v_radius or 0.0))
-    observer = model.observer()
-    try:
-        bounds = observer.run(split.Y)
-    except ModelViolationError as e:
-        raise DdmheError(f"--w-radius, --v-radius: expected bounds that the whole log keeps, found {e}") from e
-    out.mkdir(parents=True, exist_ok=True)
-    written = [out / "interval.csv", out / "interval.png"]
-    names = samples.names.state
-    columns = [f"{name} {end}" for name in names for end in ("lower", "upper")]
-    values = np.stack([bounds.lower, bounds.upper], axis=2).reshape(len(bounds.lower), -1)
-    report.write_estimates(written[0], samples.names.time, split.t, columns, values)
-    truth = np.full_like(bounds.lower, np.nan) if split.x_true is None else split.x_true
-    shown = {"interval": (bounds.lower, bounds.upper)}
-    report.save_figure(
-        intervals_figure(split.t, truth, shown, [f"{name} (unit of the log)" for name in names]), written[1]
-    )
+    names = samples.names.state, samples.names.output
+    model = from_history(split.history, *radii.values(), kappa=given["kappa"], names=names)
+    bounds = model.observer().run(split.Y)
+    if bounds.violation is not None:
+        at = f"at {split.t[len(bounds)]:g} s {bounds.violation}"
+        raise DdmheError(f"--w-radius, --v-radius: expected bounds that the whole log keeps, found {at}")
+    verdict = judge(bounds.lower, bounds.upper, (model.lower, model.upper), split.t, names[0])
     console = Console()
+    console.print(report.table(f"Intervals of {log.name}", {"": _interval_rows(model, bounds, split, names)}))
+    for words in (model.words, f"verdict: {verdict.words}"):
+        console.print(words, markup=False, highlight=False, soft_wrap=True)
+    if not (verdict.useful or given["accept_wide"]):
+        raise DdmheError(
+            "--w-radius, --v-radius: expected bounds narrower than half of the recorded range, found "
+            f"{verdict.words}; nothing is written, --accept-wide writes them all the same"
+        )
+    out.mkdir(parents=True, exist_ok=True)
+    _print_written(console, _write_intervals(out, samples, split, bounds))
+
+
+def _interval_rows(model: Any, bounds: Any, split: Split, names: tuple[tuple[str, ...], tuple[str, ...]]) -> Any:
+    """What the table of `interval LOG` shows."""
     with np.errstate(over="ignore"):
-        width = bounds.upper - bounds.lower
-    rows = {
-        f"median full width of {name}": f"{value:.4g}"
-        for name, value in zip(names, np.median(width, axis=0), strict=True)
-    }
+        width = np.median(bounds.upper - bounds.lower, axis=0)
+    sizes = [f"{value:.4g}" if np.isfinite(value) else "no finite bound" for value in width]
+    rows = {f"median full width of {name}": size for name, size in zip(names[0], sizes, strict=True)}
+    for argument, called, radius, least in (
+        ("w-radius", names[0], model.w_radius, model.w_least),
+        ("v-radius", names[1], model.v_radius, model.v_least),
+    ):
+        for name, r, low in zip(called, radius, least, strict=True):
+            rows[f"{argument} of {name}"] = f"{r:.4g} (smallest admissible {low:.4g})"
     if split.x_true is not None:
         known = np.isfinite(split.x_true)
         out_of = ((split.x_true < bounds.lower) | (split.x_true > bounds.upper)) & known
         rows["samples of the log outside"] = f"{int(out_of.any(axis=1).sum())} of {int(known.all(axis=1).sum())}"
-    console.print(report.table(f"Intervals of {log.name}", {"": rows}))
-    console.print(model.words, markup=False, highlight=False)
-    _print_written(console, written)
+    return rows
+
+
+def _write_intervals(out: Path, samples: Log, split: Split, bounds: Any) -> list[Path]:
+    """interval.csv, with empty cells where no finite bound is known, and interval.png if there is anything to draw."""
+    from ddmhe.plot import intervals_figure
+
+    written = [out / "interval.csv"]
+    names = samples.names.state
+    columns = [f"{name} {end}" for name in names for end in ("lower", "upper")]
+    values = np.stack([bounds.lower, bounds.upper], axis=2).reshape(len(bounds.lower), -1)
+    values = np.where(np.isfinite(values), values, np.nan)
+    report.write_estimates(written[0], samples.names.time, split.t, columns, values)
+    with np.errstate(over="ignore"):
+        drawn = np.isfinite(bounds.upper - bounds.lower).any(axis=0).all()
+    if drawn:
+        truth = np.full_like(bounds.lower, np.nan) if split.x_true is None else split.x_true
+        labels = [f"{name} (unit of the log)" for name in names]
+        figure = intervals_figure(split.t, truth, {"interval": (bounds.lower, bounds.upper)}, labels)
+        written.append(out / "interval.png")
+        report.save_figure(figure, written[1])
+    return written
 
 
 @cli.command()

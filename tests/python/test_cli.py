@@ -395,6 +395,28 @@ def test_interval_of_the_pendulum(tmp_path):
     assert (tmp_path / "pendulum.png").read_bytes().startswith(PNG)
 
 
+def test_bounds_that_say_nothing_are_refused(tmp_path):
+    """A swing of growing size that no affine system follows: the smallest radii are a large part of the motion."""
+    t = 0.1 * np.arange(300)
+    a = np.sin(t * (1 + 0.02 * t))
+    frame = pd.DataFrame({"t": t, "a": a, "b": np.cos(3 * a), "y": a**2})
+    log = tmp_path / "log.csv"
+    frame.to_csv(log, index=False)
+    options = ["--state", "a,b", "--output", "y", "--history", 10]
+    result = ddmhe_run("interval", log, *options, "--out", tmp_path / "out")
+    assert result.returncode == 2
+    assert "verdict: " in result.stdout
+    assert "says nothing beyond the recorded range" in result.stderr
+    assert len(result.stderr.strip().splitlines()) == 1
+    assert not (tmp_path / "out").exists()
+    assert "smallest admissible" in result.stdout
+    result = ddmhe_run("interval", log, *options, "--accept-wide", "--out", tmp_path / "out")
+    assert (result.returncode, result.stderr) == (0, "")
+    assert "says nothing beyond the recorded range" in result.stdout
+    for written in (result.stdout, (tmp_path / "out" / "interval.csv").read_text()):
+        assert not re.search(r"\b(inf|nan)\b", written)
+
+
 def test_interval_of_a_log(tmp_path):
     """A linear system with bounded noise: the log's states stay inside, and the files hold the bounds."""
     rng = np.random.default_rng(0)
@@ -409,6 +431,7 @@ def test_interval_of_a_log(tmp_path):
     result = ddmhe_run("interval", log, *options, "--w-radius", 0.01, "--v-radius", 0.02, "--out", tmp_path)
     assert (result.returncode, result.stderr) == (0, "")
     assert "Guaranteed for every system" in result.stdout
+    assert re.search(r"verdict: a 0\.\d+ of the recorded range; b 0\.\d+ of the recorded range", result.stdout)
     assert printed(result, "samples of the log outside") == 0
     written = pd.read_csv(tmp_path / "interval.csv")
     truth = frame.set_index("t").loc[written["t"]]
@@ -427,7 +450,9 @@ def test_interval_of_a_log(tmp_path):
     assert (tmp_path / "interval.png").read_bytes().startswith(PNG)
     for changed, words in (
         (["--w-radius", 1e-4, "--v-radius", 0.02], "w_radius: expected a bound that an affine system satisfies"),
+        (["--w-radius", "1e-4,1", "--v-radius", 0.02], "for a, "),
         (["--w-radius", 0.01], "--v-radius: expected with a log"),
+        (["--w-radius", "x", "--v-radius", 0.02], "--w-radius"),
     ):
         result = ddmhe_run("interval", log, *options, *changed, "--out", tmp_path)
         assert result.returncode == 2

@@ -1,8 +1,11 @@
 """Guaranteed intervals: enclosures against high precision, designs, soundness, and a check that can fail."""
 
+import re
+
 import mpmath
 import numpy as np
 import pytest
+import scipy.optimize
 
 import ddmhe
 from ddmhe import interval
@@ -331,7 +334,9 @@ def test_the_adversary_catches_a_broken_observer(broken):
     L = interval.design_observer(STIFF, 0.2).gain
     whole, part = NumpyObserver(STIFF, L, 40), NumpyObserver(STIFF, L, 40, broken)
     runs = list(adversaries(STIFF, L))
-    assert not any(outside(x[1:], *whole.run(y)) for x, y in runs)
+    # NumPy does not round outward, and an adversary meets the linear first row's bound to the last bit
+    kept = [(x, *whole.run(y)) for x, y in runs]
+    assert not any(outside(x[1:], lower - 1e-12, upper + 1e-12) for x, lower, upper in kept)
     assert any(outside(x[1:], *part.run(y)) for x, y in runs)
 
 
@@ -494,13 +499,107 @@ def test_bounds_that_contradict_the_recording():
         interval.from_history(still, 0.01, 0.02)
 
 
+def chebyshev(X, target):
+    """The smallest bound of one row, as a linear programme in θ itself."""
+    Z = np.hstack([X, np.ones((len(X), 1))])
+    rows = np.block([[Z, -np.ones((len(Z), 1))], [-Z, -np.ones((len(Z), 1))]])
+    cost = np.append(np.zeros(Z.shape[1]), 1.0)
+    found = scipy.optimize.linprog(cost, rows, np.concatenate([target, -target]), bounds=(None, None))
+    assert found.status == 0
+    return found.fun
+
+
+@pytest.mark.parametrize("size", [1e-3, 1.0, 1e6])
+def test_smallest_radii_are_chebyshev_fits_and_below_the_truth(size):
+    for seed in range(100 if size == 1.0 else 5):
+        x, y = affine(np.random.default_rng(seed), np.array([2.0, -1.0]), 60, 0.01, 0.02)
+        w, v = interval.smallest_radii(ddmhe.History(size * x, size * y))
+        assert (w <= 0.01 * size).all()
+        assert (v <= 0.02 * size).all()
+        if seed < 5:
+            expected = [chebyshev(x[:-1], x[1:, i]) for i in range(2)] + [chebyshev(x[:-1], y[:, 0])]
+            np.testing.assert_allclose(np.concatenate([w, v]) / size, expected, rtol=1e-6)
+
+
+def test_radii_below_the_smallest_are_refused_with_them_by_name():
+    x, y = affine(np.random.default_rng(0), np.array([2.0, -1.0]), 60, 0.01, 0.02)
+    h = ddmhe.History(x, y)
+    w, v = interval.smallest_radii(h)
+    with pytest.raises(
+        ddmhe.ModelViolationError, match=r"w_radius: .* at least [\d.e-]+ for roll, [\d.e-]+ for yaw"
+    ) as e:
+        interval.from_history(h, [0.01, 0.9 * w[1]], 0.02, names=(("roll", "yaw"), ("gyro",)))
+    stated = [float(number) for number in re.findall(r"([\d.e-]+) for", str(e.value))]
+    np.testing.assert_allclose(stated, w, rtol=1e-3)
+    # what the message says is admissible, and nothing much below is
+    assert interval.from_history(h, stated, 1.0001 * v).w_radius == pytest.approx(stated)
+    with pytest.raises(ddmhe.ModelViolationError, match=r"v_radius: .* for y1"):
+        interval.from_history(h, stated, 0.999 * v)
+    m = interval.from_history(h, kappa=1.2)
+    np.testing.assert_allclose([*m.w_radius, *m.v_radius], [*(1.2 * w), *(1.2 * v)], rtol=1e-9)
+    np.testing.assert_array_equal([*m.w_least, *m.v_least], [*w, *v])
+
+
+@pytest.mark.parametrize(
+    ("call", "error", "words"),
+    [
+        (lambda h: interval.from_history(h, "best"), ddmhe.DdmheError, 'w_radius: expected "auto"'),
+        (lambda h: interval.from_history(h, None, 0.1), ddmhe.DdmheError, "w_radius:"),
+        (lambda h: interval.from_history(h, [0.1] * 3, 0.1), ddmhe.ShapeError, "w_radius:"),
+        (lambda h: interval.from_history(h, INF, 0.1), ddmhe.NotFiniteError, "w_radius:"),
+        (lambda h: interval.from_history(h, kappa=0.5), ddmhe.DdmheError, "kappa:"),
+        (lambda h: interval.from_history(h, kappa="x"), ddmhe.DdmheError, "kappa:"),
+        (lambda h: interval.from_history(h, gain=np.eye(3)), ddmhe.ShapeError, "gain:"),
+        (lambda h: interval.from_history(h, names=(("a",), ("b",))), ddmhe.ShapeError, "names:"),
+        (lambda h: interval.from_history(h, 1e300, 1e300), ddmhe.DdmheError, "_radius:|gain:|history:"),
+        (lambda h: interval.from_history(scaled(h, 1e200)), ddmhe.DdmheError, "history: "),
+        (lambda h: interval.smallest_radii(3), ddmhe.DdmheError, "history:"),
+        (lambda h: interval.kalman_gain(system(C=[[0.0, 0.0]], A=2 * np.eye(2)), 1.0, 1.0), ddmhe.DdmheError, "gain:"),
+        (lambda h: interval.kalman_gain(interval.pendulum(), 1e200, 1e-200), ddmhe.DdmheError, "gain:"),
+    ],
+)
+def test_wrong_input_for_a_recording_is_an_error_of_this_package(call, error, words):
+    x, y = affine(np.random.default_rng(0), np.array([2.0, -1.0]), 60, 0.01, 0.02)
+    with pytest.raises(error, match=words) as caught:
+        call(ddmhe.History(x, y))
+    assert "expected" in str(caught.value)
+
+
+def scaled(h, factor):
+    ((x, y, *_),) = h.recordings
+    return ddmhe.History(factor * x, factor * y)
+
+
+def test_verdicts():
+    t = np.arange(10.0)
+    low, high = np.zeros((10, 3)), np.tile([0.1, 0.7, 1.5], (10, 1))
+    high[6:, 0] = 3.0
+    high[8:, 1] = INF
+    v = interval.judge(low, high, (np.zeros(3), np.ones(3)), t, ("a", "b", "c"))
+    np.testing.assert_allclose(v.share, [0.1, 0.7, 1.5])
+    np.testing.assert_array_equal(v.grows, [6.0, 8.0, np.nan])
+    np.testing.assert_array_equal(v.unbounded, [np.nan, 8.0, np.nan])
+    assert not v.useful
+    assert "a 0.1 of the recorded range, grows beyond it from 6 s on" in v.words
+    assert "b says little: median width 0.7" in v.words
+    assert "no bound from 8 s on" in v.words
+    assert "c says nothing beyond the recorded range (median width 1.5 of it)" in v.words
+    assert "inf" not in v.words
+    endless = interval.judge(-high[:, 1:2] * 1e4 ** t[:, None], high[:, 1:2], ([0], [1]), t, ("b",))
+    assert "median width above 1000 of it), grows beyond it from 0 s on, no bound from 8 s on" in endless.words
+    assert interval.judge(low[:, :1], high[:, :1], ([0], [1]), t, ("a",)).useful
+    with pytest.raises(ddmhe.DdmheError, match="recorded:"):
+        interval.judge(low, high, (np.zeros(3), np.zeros(3)), t, ("a", "b", "c"))
+    with pytest.raises(ddmhe.ShapeError, match="upper:"):
+        interval.judge(low, high[1:], (np.zeros(3), np.ones(3)), t, ("a", "b", "c"))
+
+
 # --- the baseline
 
 
-@pytest.mark.parametrize("transform", [False, True])
-def test_reconstruction_of_tahir_holds(transform):
+def test_reconstruction_of_tahir_holds():
     s = interval.pendulum()
-    o = TahirIntervalObserver(s, START, RADIUS, W, V, transform=transform)
+    o = TahirIntervalObserver(s, START, RADIUS, W, V)
     widths = []
     for k in range(60):
         x, y = trajectory(np.random.default_rng(k), 100, KINDS[k % 4])
@@ -508,9 +607,25 @@ def test_reconstruction_of_tahir_holds(transform):
         log = o.run(y)
         assert not outside(x[1:], log.lower, log.upper)
         widths.append((log.upper - log.lower)[50:].mean(axis=0))
-    if transform:  # the range that an independent reconstruction found
-        assert 0.03 < np.mean(widths, axis=0)[0] < 0.09
-        assert 0.3 < np.mean(widths, axis=0)[1] < 0.75
+    # the range that an independent reconstruction found
+    assert 0.03 < np.mean(widths, axis=0)[0] < 0.09
+    assert 0.3 < np.mean(widths, axis=0)[1] < 0.75
+
+
+@pytest.mark.parametrize("lam", [None, 0.02, 0.5])
+def test_a_mixed_monotone_gain_whose_widths_grow_is_refused(lam):
+    """(A - L C)_22 = 1 for every L, (A - L C)_12 = F_21 = 0.065: no own-coordinates gain of the pendulum contracts."""
+    with pytest.raises(ddmhe.InfeasibleError, match=r"rho\(\|A - L C\| \+ F\) = 1\.0"):
+        TahirIntervalObserver(interval.pendulum(), START, RADIUS, W, V, transform=False, lam=lam)
+    # where own coordinates do, they are taken
+    A = np.array([[0.7, 0.1], [0.05, 0.8]])
+    s = interval.System(A, [[1.0, 0.0]], np.eye(2), [[1.0]], None, None, np.zeros((2, 2)), np.zeros((2, 2)))
+    o = TahirIntervalObserver(s, START, RADIUS, W, V, transform=False, lam=lam)
+    closed = np.abs(A - o.gain @ s.C)
+    assert np.abs(np.linalg.eigvals(closed)).max() < 1
+    log = o.run(np.zeros((400, 1)))
+    width = log.upper - log.lower
+    assert (width[399] <= width[100] * (1 + 1e-9)).all()
 
 
 # --- wrong input

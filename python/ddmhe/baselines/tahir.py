@@ -57,6 +57,11 @@ class TahirIntervalObserver:
         Whether T are the real eigenvectors of the closed loop of the peak-to-peak design, or the identity.
     lam : float, optional
         λ of the programme; None tries several.
+
+    Raises
+    ------
+    InfeasibleError
+        No gain was found whose widths stay bounded, ρ(|A - L C| + F) < 1 in z.
     """
 
     def __init__(
@@ -110,13 +115,14 @@ class TahirIntervalObserver:
             new_high[i] = self._map(top)[i] + slack + noise[i] + constant[i]
             new_low[i] = self._map(bottom)[i] - slack - noise[i] + constant[i]
         pad = ROUNDING * (np.abs(new_low) + np.abs(new_high) + 1e-300)
-        self._z = np.asarray(new_low - pad), np.asarray(new_high + pad)
-        self._x = _mapped(self._T_inv, *self._z)
-        if (self._x[0] > self._x[1]).any():
+        z = np.asarray(new_low - pad), np.asarray(new_high + pad)
+        x = _mapped(self._T_inv, *z)
+        if (x[0] > x[1]).any():
             raise ModelViolationError(
                 "y: expected a sample that model and bounds allow, found one that leaves no state"
             )
-        return IntervalStep(*self._x)
+        self._z, self._x = z, x
+        return IntervalStep(*x)
 
     def run(self, Y: ArrayLike) -> IntervalStep:
         """Consume Y (N, p): bounds (N, n)."""
@@ -156,6 +162,7 @@ class TahirIntervalObserver:
         radius = np.abs(self.T) @ (0.5 * (s.j_hi - s.j_lo)) @ np.abs(self._T_inv)
         C, D1 = s.C @ self._T_inv, self.T @ s.D1 * self._w
         best: tuple[float, Array] | None = None
+        least = np.inf
         for lam in lams:
             d, W = cp.Variable(s.n), cp.Variable((s.n, s.p))
             X, V = cp.Variable((s.n, s.n)), cp.Variable((s.n, len(self._v)))
@@ -180,12 +187,31 @@ class TahirIntervalObserver:
             problem = cp.Problem(cp.Minimize(gamma - mu), [*constraints, mu >= 1e-9])
             if not solve(problem) or d.value is None or W.value is None or not gamma.value > 0:
                 continue
+            gain = np.asarray(self._T_inv @ (W.value / d.value[:, None]))
+            # the programme's word is good to a tolerance only, and d may be as small
+            rho = self._growth(gain)
+            least = min(least, rho)
             ratio = float(gamma.value / max(float(mu.value), 1e-12))
-            if best is None or ratio < best[0]:
-                best = ratio, np.asarray(self._T_inv @ (W.value / d.value[:, None]))
+            if rho < 1 and (best is None or ratio < best[0]):
+                best = ratio, gain
         if best is None:
-            raise InfeasibleError("lam: expected a gain that keeps the widths bounded, found none among those tried")
+            found = "none" if least == np.inf else f"rho(|A - L C| + F) = {least:.4f} at best"
+            raise InfeasibleError(
+                "transform, lam: expected a gain that keeps the widths bounded, rho(|A - L C| + F) < 1 in these "
+                f"coordinates, found {found} among those tried"
+            )
         return best[1]
+
+    def _growth(self, gain: Array) -> float:
+        """Spectral radius of |A - L C| + F in z, which takes widths to the next ones: below 1 they stay bounded.
+
+        An entry of Dg within [c - r, c + r] adds r to |c|, and where it changes sign twice its slack, 2(r - |c|).
+        """
+        s = self.system
+        middle = np.abs(self.T @ (s.A - gain @ s.C + 0.5 * (s.j_lo + s.j_hi)) @ self._T_inv)
+        radius = np.abs(self.T) @ (0.5 * (s.j_hi - s.j_lo)) @ np.abs(self._T_inv)
+        comparison = middle + radius + 2 * np.maximum(radius - middle, 0)
+        return float(np.abs(np.linalg.eigvals(comparison)).max()) if np.isfinite(comparison).all() else np.inf
 
 
 def _mapped(M: Array, low: Array, high: Array) -> tuple[Array, Array]:

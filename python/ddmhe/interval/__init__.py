@@ -12,22 +12,26 @@
 Jacobian Nonlinear Systems by Zonotope Analysis", cited by its equation numbers.
 """
 
-from ddmhe.interval.data import DataModel, from_history
+from ddmhe.interval.data import DataModel, from_history, smallest_radii
 from ddmhe.interval.observer import IntervalObserver
 from ddmhe.interval.observer_design import ObserverDesign, design_observer, fixed_gain, kalman_gain
 from ddmhe.interval.systems import System, detumbling, linear, pendulum, van_der_pol
+from ddmhe.interval.verdict import Verdict, judge
 
 __all__ = [
     "DataModel",
     "IntervalObserver",
     "ObserverDesign",
     "System",
+    "Verdict",
     "design_observer",
     "detumbling",
     "fixed_gain",
     "from_history",
+    "judge",
     "kalman_gain",
     "linear",
     "pendulum",
+    "smallest_radii",
     "van_der_pol",
 ]

@@ -12,6 +12,7 @@ instead and gives up a little.
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -131,15 +132,20 @@ def steady_gain(A: Array, C: Array, w: Array, v: Array, D1: Array | None = None,
     Q = _covariance(np.eye(len(A)) if D1 is None else D1, w)
     R = _covariance(np.eye(len(C)) if D2 is None else D2, v)
     try:
-        P = scipy.linalg.solve_discrete_are(A.T, C.T, Q, R)
-    except np.linalg.LinAlgError as e:
+        with warnings.catch_warnings(), np.errstate(all="ignore"):
+            warnings.simplefilter("ignore")
+            P = scipy.linalg.solve_discrete_are(A.T, C.T, Q, R)
+            gain = np.asarray(A @ P @ C.T @ np.linalg.inv(C @ P @ C.T + R))
+    except (np.linalg.LinAlgError, ValueError) as e:
         raise DdmheError(f"gain: expected a system with a steady Kalman filter, found none ({e}); give a gain") from e
-    gain: Array = A @ P @ C.T @ np.linalg.inv(C @ P @ C.T + R)
+    if not np.isfinite(gain).all():
+        raise DdmheError("gain: expected a system with a steady Kalman filter, found one beyond floats; give a gain")
     return gain
 
 
 def _covariance(D: Array, radius: Array) -> Array:
-    covariance: Array = D @ np.diag(radius**2) @ D.T
+    with np.errstate(over="ignore", invalid="ignore"):
+        covariance: Array = D @ np.diag(radius**2) @ D.T
     floor = 1e-12 * max(float(np.trace(covariance)) / len(D), 1e-12)
     return np.asarray(covariance + floor * np.eye(len(D)))
 
