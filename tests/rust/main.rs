@@ -6,5 +6,6 @@ mod certificate;
 mod inputs;
 mod intervals;
 mod linear;
+mod snapshots;
 mod space;
 mod systems;

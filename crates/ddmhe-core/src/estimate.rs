@@ -1,9 +1,10 @@
 //! What a step returns, with its evidence.
 
 use crate::qp::Status;
+use serde::{Deserialize, Serialize};
 
 /// The estimate of one step and the evidence behind it. All arrays are time-major, in the user's units.
-#[derive(Debug, Clone, PartialEq, Default)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct Estimate {
     /// x̂(t) (n), from outputs up to y(t-1).
     pub x: Vec<f64>,

@@ -4,6 +4,7 @@ use crate::error::Error;
 use crate::history::History;
 use crate::tol;
 use faer::Mat;
+use serde::{Deserialize, Serialize};
 
 /// H_depth(u) of a signal u with `width` channels: column k stacks u(k), …, u(k+depth-1).
 ///
@@ -46,7 +47,7 @@ impl<'a> BlockHankel<'a> {
 }
 
 /// The outcome of the rank condition (7).
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct RankReport {
     /// Numerical rank of [H_1(x[0..T-L]); 1ᵀ]: singular values above `tolerance`.
     pub rank: usize,

@@ -5,11 +5,12 @@
 //! two steps enclose them. (The crate inari has directed rounding but builds its elementary functions only with MPFR and
 //! needs AVX at compile time, so it does not serve ordinary targets.)
 
+use serde::{Deserialize, Serialize};
 use std::f64::consts::PI;
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
 /// A closed interval \[lo, hi\], lo ≤ hi; an end may be infinite, never NaN. Never empty: what can be is an `Option`.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Interval {
     /// Lower end.
     pub lo: f64,

@@ -69,7 +69,7 @@ mod panels;
 mod qp;
 mod reduction;
 mod rounding;
-mod snapshot;
+pub mod snapshot;
 pub mod space;
 pub mod tol;
 pub mod validation;

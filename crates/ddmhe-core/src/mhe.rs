@@ -196,7 +196,7 @@ impl DdMhe {
         (outputs, states): (&[f64], &[f64]),
         bounds: Vec<f64>,
         (active, moves): (Vec<Side>, bool),
-        t: usize,
+        (t, estimate): (usize, Estimate),
     ) -> Result<(), Error> {
         let (n, p) = (self.n(), self.p());
         let samples = outputs.len() / p;
@@ -205,6 +205,9 @@ impl DdMhe {
             && states.len() == (samples + 1) * n
             && bounds.len() == if self.bound.is_some() { samples + 1 } else { 0 }
             && bounds.iter().all(|e| *e >= 0.0)
+            && t < usize::MAX / 2
+            && estimate.fits(n, p)
+            && estimate.v.len() <= self.design.settings.horizon * p
             && (active.is_empty() || self.design.problem(samples).is_some_and(|problem| problem.allows(&active)));
         if !fits || samples < self.design.first - 1 {
             return Err(Error::value("blob", "a window that fits the horizon", format!("{samples} samples")));
@@ -213,6 +216,7 @@ impl DdMhe {
         check_finite("blob", states, n)?;
         self.refill(outputs.iter().copied(), states.iter().copied());
         self.kept = Kept::new(active, moves);
+        self.estimate = estimate;
         self.reserve();
         self.t = t;
         if let Some(bound) = &mut self.bound {

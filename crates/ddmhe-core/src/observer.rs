@@ -22,6 +22,7 @@
 mod contractor;
 mod dynamics;
 mod level;
+mod saved;
 mod system;
 
 pub use dynamics::{Dynamics, Euler, Linear, Pendulum, Uncertain};
@@ -33,6 +34,7 @@ use crate::interval::{Interval, points, weighted};
 use crate::zonotope::{Reduction, Zonotope, diagonal, inflation, reduce, row_sums};
 use contractor::{BACK, Past};
 use level::{inverse_diagonal, worst_distance};
+use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
 use system::checked;
 
@@ -64,7 +66,7 @@ impl Default for Options {
 }
 
 /// What one step leaves. Intervals (n).
-#[derive(Debug, Clone, PartialEq, Default)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct IntervalEstimate {
     /// Bounds of x(k+1), before y(k+1) is known.
     pub predicted: Vec<Interval>,

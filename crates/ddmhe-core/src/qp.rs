@@ -14,9 +14,10 @@ use clarabel::solver::{
     DefaultSettings, DefaultSolver, IPSolver, NonnegativeConeT, SolverStatus, SupportedConeT, ZeroConeT,
 };
 use faer::{Mat, MatRef};
+use serde::{Deserialize, Serialize};
 
 /// What the optimisation found.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[non_exhaustive]
 pub enum Status {
     /// The minimiser: closed form, or checked against the optimality conditions, or within the solver's tolerance.

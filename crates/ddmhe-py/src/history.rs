@@ -1,8 +1,11 @@
 //! `ddmhe.History`.
 
 use crate::convert::{Numbers, ShapeError, array1, array2, raise};
+use crate::pickle::{Made, bytes, made};
+use ddmhe_core::snapshot::{Kind, from_bytes, to_bytes};
 use numpy::{PyArray1, PyArray2};
 use pyo3::prelude::*;
+use pyo3::types::{PyBytes, PyType};
 
 /// Recordings of one system: the data that stand in for its model (Liu 2026, Section III).
 ///
@@ -49,6 +52,29 @@ impl History {
             cores.push(history.get().core.clone());
         }
         Ok(History { core: ddmhe_core::History::concat(&cores).map_err(raise)? })
+    }
+
+    /// The recordings as bytes; see from_bytes.
+    fn to_bytes<'py>(&self, py: Python<'py>) -> Bound<'py, PyBytes> {
+        PyBytes::new(py, &self.core.to_bytes())
+    }
+
+    /// The History that to_bytes saved; DdmheError for bytes that it did not make, or that were changed or cut off since.
+    #[classmethod]
+    fn from_bytes(_cls: &Bound<'_, PyType>, blob: &Bound<'_, PyAny>) -> PyResult<Self> {
+        Ok(History { core: ddmhe_core::History::from_bytes(bytes(blob)?).map_err(raise)? })
+    }
+
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Made<'py>> {
+        made::<Self>(py, "from_bytes", &self.core.to_bytes())
+    }
+
+    fn __copy__(slf: Bound<'_, Self>) -> Bound<'_, Self> {
+        slf // it never changes
+    }
+
+    fn __deepcopy__<'py>(slf: Bound<'py, Self>, _memo: &Bound<'py, PyAny>) -> Bound<'py, Self> {
+        slf
     }
 
     /// Number of states.
@@ -104,6 +130,15 @@ pub struct RankReport {
 
 #[pymethods]
 impl RankReport {
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Made<'py>> {
+        made::<Self>(py, "_restore", &to_bytes(Kind::RankReport, &self.core))
+    }
+
+    #[classmethod]
+    fn _restore(_cls: &Bound<'_, PyType>, blob: &Bound<'_, PyAny>) -> PyResult<Self> {
+        Ok(RankReport { core: from_bytes(Kind::RankReport, bytes(blob)?).map_err(raise)? })
+    }
+
     /// Numerical rank.
     #[getter]
     fn rank(&self) -> usize {

@@ -1,10 +1,17 @@
 //! `ddmhe.Zonotope` and the engine of `ddmhe.interval.IntervalObserver`.
 
 use crate::convert::{DdmheError, ModelViolationError, Numbers, ShapeError, array1, array2, raise, whole};
+use crate::exclusive::Exclusive;
+use crate::pickle::{Made, bytes, made};
 use ddmhe_core::observer::{Dynamics, Euler, Gain, Linear, Method, Options, Pendulum, System, Uncertain};
+use ddmhe_core::snapshot::{Kind, from_bytes, to_bytes};
 use ddmhe_core::{Error, Interval, IntervalEstimate, Reduction};
 use numpy::{PyArray1, PyArray2};
+use pyo3::exceptions::PyException;
 use pyo3::prelude::*;
+use pyo3::types::{PyBytes, PyType};
+use serde::{Deserialize, Serialize};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 type Ends<'py> = (Bound<'py, PyArray1<f64>>, Bound<'py, PyArray1<f64>>);
 
@@ -49,6 +56,9 @@ fn reduction(method: &str) -> PyResult<Reduction> {
 #[pyclass(module = "ddmhe", name = "Zonotope", frozen)]
 pub struct Zonotope(ddmhe_core::Zonotope);
 
+/// Center and generators.
+type Parts<'py> = (Bound<'py, PyArray1<f64>>, Bound<'py, PyArray2<f64>>);
+
 #[pymethods]
 impl Zonotope {
     #[new]
@@ -66,6 +76,10 @@ impl Zonotope {
         }
         let columns = (0..m).flat_map(|j| (0..n).map(move |i| (i, j))).map(|(i, j)| data[i * m + j]).collect();
         ddmhe_core::Zonotope::new(numbers.data, columns).map(Zonotope).map_err(raise)
+    }
+
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyType>, Parts<'py>)> {
+        Ok((py.get_type::<Self>(), (self.center(py), self.generators(py)?)))
     }
 
     /// Center (n,).
@@ -172,17 +186,28 @@ struct Callables {
     f: Py<PyAny>,
     jacobian: Py<PyAny>,
     slack: f64,
+    raised: Raised,
 }
 
-fn outcome(argument: &'static str, error: &PyErr) -> Error {
-    Error::Value { argument, expected: "a function that returns its bounds".into(), found: error.to_string() }
+/// What a callable raised that is no mistake of its own: KeyboardInterrupt, SystemExit.
+type Raised = Arc<Mutex<Option<PyErr>>>;
+
+impl Callables {
+    /// The core's error for what a callable raised; an interrupt is kept, to be raised again as it came.
+    fn outcome(&self, py: Python<'_>, argument: &'static str, error: PyErr) -> Error {
+        let found = error.to_string();
+        if !error.is_instance_of::<PyException>(py) {
+            *self.raised.lock().unwrap_or_else(PoisonError::into_inner) = Some(error);
+        }
+        Error::Value { argument, expected: "a function that returns its bounds".into(), found }
+    }
 }
 
 impl Dynamics for Callables {
     fn value(&self, x: &[f64], out: &mut [Interval]) -> Result<(), Error> {
         Python::attach(|py| {
             let found = self.f.call1(py, (array1(py, x),)).and_then(|v| Numbers::vector("f", v.bind(py), out.len()));
-            let found = found.map_err(|e| outcome("f", &e))?;
+            let found = found.map_err(|e| self.outcome(py, "f", e))?;
             for (out, v) in out.iter_mut().zip(&found) {
                 if !v.is_finite() {
                     return Err(Error::Value {
@@ -213,7 +238,7 @@ impl Dynamics for Callables {
                 };
                 intervals("jacobian", &side(&lo)?, &side(&hi)?)
             };
-            let found = call().map_err(|e| outcome("jacobian", &e))?;
+            let found = call().map_err(|e| self.outcome(py, "jacobian", e))?;
             for (out, v) in out.iter_mut().zip(found) {
                 *out = v + Interval { lo: -self.slack * v.mag(), hi: self.slack * v.mag() };
             }
@@ -224,7 +249,7 @@ impl Dynamics for Callables {
 
 /// What the system's `dynamics` says it is: ("linear",), ("pendulum", gain), ("euler", ratios, linear, output_radius),
 /// ("uncertain", rows, offset) or ("python", f, jacobian, slack).
-fn dynamics(value: &Bound<'_, PyAny>, n: usize) -> PyResult<Box<dyn Dynamics + Send + Sync>> {
+fn dynamics(value: &Bound<'_, PyAny>, n: usize, raised: &Raised) -> PyResult<Box<dyn Dynamics + Send + Sync>> {
     let kind: String = value.get_item(0)?.extract()?;
     let pair = |k: usize, len: usize| -> PyResult<Vec<Interval>> {
         let (lo, hi): (Bound<'_, PyAny>, Bound<'_, PyAny>) = value.get_item(k)?.extract()?;
@@ -246,16 +271,31 @@ fn dynamics(value: &Bound<'_, PyAny>, n: usize) -> PyResult<Box<dyn Dynamics + S
             f: value.get_item(1)?.unbind(),
             jacobian: value.get_item(2)?.unbind(),
             slack: value.get_item(3)?.extract()?,
+            raised: Arc::clone(raised),
         }),
     })
 }
 
 /// One step's sets.
-#[pyclass(module = "ddmhe", name = "IntervalEstimate", frozen)]
+#[pyclass(module = "ddmhe._core", name = "IntervalEstimate", frozen)]
 pub struct Bounds(IntervalEstimate);
 
 #[pymethods]
 impl Bounds {
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Made<'py>> {
+        made::<Self>(py, "_restore", &to_bytes(Kind::IntervalEstimate, &(self.0.predicted.len(), &self.0)))
+    }
+
+    #[classmethod]
+    fn _restore(_cls: &Bound<'_, PyType>, blob: &Bound<'_, PyAny>) -> PyResult<Self> {
+        let (n, estimate): (usize, IntervalEstimate) =
+            from_bytes(Kind::IntervalEstimate, bytes(blob)?).map_err(raise)?;
+        if !estimate.fits(n) {
+            return Err(DdmheError::new_err("blob: expected a saved interval estimate, found one of other sizes"));
+        }
+        Ok(Bounds(estimate))
+    }
+
     /// Lower bounds of x(k+1) (n,), before y(k+1) is known.
     #[getter]
     fn lower<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
@@ -312,7 +352,8 @@ impl Bounds {
 }
 
 /// All sets of a run: N rows, up to the first sample that contradicts model and bounds.
-#[pyclass(module = "ddmhe", name = "IntervalLog", frozen)]
+#[pyclass(module = "ddmhe._core", name = "IntervalLog", frozen)]
+#[derive(Serialize, Deserialize)]
 pub struct IntervalLog {
     n: usize,
     lower: Vec<f64>,
@@ -334,6 +375,22 @@ impl IntervalLog {
 
 #[pymethods]
 impl IntervalLog {
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Made<'py>> {
+        made::<Self>(py, "_restore", &to_bytes(Kind::IntervalLog, self))
+    }
+
+    #[classmethod]
+    fn _restore(_cls: &Bound<'_, PyType>, blob: &Bound<'_, PyAny>) -> PyResult<Self> {
+        let log: IntervalLog = from_bytes(Kind::IntervalLog, bytes(blob)?).map_err(raise)?;
+        let pairs = [&log.filtered, &log.ball, &log.ellipsoid];
+        let sides = pairs.into_iter().flatten().chain([&log.upper, &log.center]);
+        if log.n == 0 || !log.lower.len().is_multiple_of(log.n) || sides.into_iter().any(|s| s.len() != log.lower.len())
+        {
+            return Err(DdmheError::new_err("blob: expected a saved interval log, found one of other sizes"));
+        }
+        Ok(log)
+    }
+
     /// N
     fn __len__(&self) -> usize {
         self.lower.len() / self.n
@@ -396,8 +453,25 @@ impl IntervalLog {
 }
 
 /// The compiled part of `ddmhe.interval.IntervalObserver`, which checks and documents.
-#[pyclass(module = "ddmhe._core", name = "ObserverCore")]
-pub struct ObserverCore(ddmhe_core::IntervalObserver<Box<dyn Dynamics + Send + Sync>>);
+#[pyclass(module = "ddmhe._core", frozen, name = "ObserverCore")]
+pub struct ObserverCore {
+    core: Exclusive<Observer>,
+    raised: Raised,
+}
+
+type Observer = ddmhe_core::IntervalObserver<Box<dyn Dynamics + Send + Sync>>;
+
+impl ObserverCore {
+    fn core(&self) -> PyResult<MutexGuard<'_, Observer>> {
+        self.core.get("an observer")
+    }
+
+    /// The exception of a core error: what a callable raised, if that interrupted it.
+    fn raise(&self, error: Error) -> PyErr {
+        let raised = self.raised.lock().unwrap_or_else(PoisonError::into_inner).take();
+        raised.unwrap_or_else(|| raise(error))
+    }
+}
 
 #[pymethods]
 impl ObserverCore {
@@ -447,19 +521,33 @@ impl ObserverCore {
             }
         };
         let options = Options { order: whole("order", order)?, method, reduction: reduction(reduce)? };
-        let dynamics = dynamics(kind, x0_center.len())?;
+        let raised = Raised::default();
+        let dynamics = dynamics(kind, x0_center.len(), &raised)?;
         let core = ddmhe_core::IntervalObserver::new(dynamics, system, gain, &x0_center, &x0_radius, options);
-        core.map(ObserverCore).map_err(raise)
+        Ok(ObserverCore { core: Exclusive::new(core.map_err(raise)?), raised })
     }
 
-    fn step(&mut self, y: &Bound<'_, PyAny>, u: Option<&Bound<'_, PyAny>>) -> PyResult<Bounds> {
-        let y = Numbers::vector("y", y, self.0.p())?;
-        let u = u.map(|u| Numbers::vector("u", u, self.0.inputs())).transpose()?.unwrap_or_default();
-        self.0.step(&y, &u).map(|e| Bounds(e.clone())).map_err(raise)
+    /// Where the observer stands, for resume.
+    fn present<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyBytes>> {
+        Ok(PyBytes::new(py, &self.core()?.present()))
     }
 
-    fn run(&mut self, py: Python<'_>, y: &Bound<'_, PyAny>, u: Option<&Bound<'_, PyAny>>) -> PyResult<IntervalLog> {
-        let (n, p, inputs) = (self.0.n(), self.0.p(), self.0.inputs());
+    /// Continues from where an observer with the same arguments stood.
+    fn resume(&self, blob: &Bound<'_, PyAny>) -> PyResult<()> {
+        self.core()?.resume(bytes(blob)?).map_err(raise)
+    }
+
+    fn step(&self, y: &Bound<'_, PyAny>, u: Option<&Bound<'_, PyAny>>) -> PyResult<Bounds> {
+        let mut core = self.core()?;
+        let y = Numbers::vector("y", y, core.p())?;
+        let u = u.map(|u| Numbers::vector("u", u, core.inputs())).transpose()?.unwrap_or_default();
+        core.step(&y, &u).map(|e| Bounds(e.clone())).map_err(|e| self.raise(e))
+    }
+
+    fn run(&self, py: Python<'_>, y: &Bound<'_, PyAny>, u: Option<&Bound<'_, PyAny>>) -> PyResult<IntervalLog> {
+        let mut core = self.core()?;
+        let core = &mut *core;
+        let (n, p, inputs) = (core.n(), core.p(), core.inputs());
         let (Y, rows, width) = Numbers::matrix("Y", y, &format!("(N, {p})"))?;
         if width != p {
             return Err(ShapeError::new_err(format!("Y: expected {p} columns, found {width}")));
@@ -474,7 +562,6 @@ impl ObserverCore {
         let (lower, upper, center) = (side(), side(), side());
         let mut log =
             IntervalLog { n, lower, upper, center, filtered: pair(), ball: pair(), ellipsoid: pair(), violation: None };
-        let core = &mut self.0;
         py.detach(|| {
             for k in 0..rows {
                 let u = if U.is_empty() { &[][..] } else { &U[k * inputs..(k + 1) * inputs] };
@@ -497,17 +584,18 @@ impl ObserverCore {
             }
             Ok::<_, Error>(())
         })
-        .map_err(raise)?;
+        .map_err(|e| self.raise(e))?;
         Ok(log)
     }
 
-    fn reset(&mut self) {
-        self.0.reset();
+    fn reset(&self) -> PyResult<()> {
+        self.core()?.reset();
+        Ok(())
     }
 
     /// Bounds of x(0) before the first step, of x(k) after k: (lo, hi).
-    fn predicted<'py>(&self, py: Python<'py>) -> Ends<'py> {
-        ends(py, &self.0.estimate().predicted)
+    fn predicted<'py>(&self, py: Python<'py>) -> PyResult<Ends<'py>> {
+        Ok(ends(py, &self.core()?.estimate().predicted))
     }
 }
 

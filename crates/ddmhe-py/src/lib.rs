@@ -2,9 +2,11 @@
 
 mod certificate;
 mod convert;
+mod exclusive;
 mod history;
 mod interval;
 mod mhe;
+mod pickle;
 mod spaces;
 mod validation;
 

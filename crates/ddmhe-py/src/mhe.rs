@@ -2,13 +2,17 @@
 
 use crate::certificate;
 use crate::convert::{DdmheError, Numbers, ShapeError, array1, array2, bounds, raise, whole, writable};
+use crate::exclusive::Exclusive;
 use crate::history::History;
+use crate::pickle::{Made, bytes, made};
 use crate::spaces;
+use ddmhe_core::snapshot::{Kind, from_bytes, to_bytes};
 use ddmhe_core::{Bounds, Center, Config, Space};
 use numpy::{Ix1, Ix2, PyArray1, PyArray2, PyArrayMethods, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 use pyo3::sync::PyOnceLock;
-use pyo3::types::PyBytes;
+use pyo3::types::{PyBytes, PyTuple, PyType};
+use std::sync::MutexGuard;
 
 /// Data-driven moving horizon estimation (Liu 2026, (16), (17), Algorithm 1).
 ///
@@ -50,9 +54,19 @@ use pyo3::types::PyBytes;
 /// ------
 /// ShapeError, NotFiniteError, RankError, DdmheError
 ///     One clear error naming the argument. What the optimisation finds is never an error: see Estimate.status.
-#[pyclass(module = "ddmhe", name = "DdMhe")]
+#[pyclass(module = "ddmhe", frozen, name = "DdMhe")]
 pub struct DdMhe {
-    core: ddmhe_core::DdMhe,
+    core: Exclusive<ddmhe_core::DdMhe>,
+}
+
+impl DdMhe {
+    fn of(core: ddmhe_core::DdMhe) -> Self {
+        DdMhe { core: Exclusive::new(core) }
+    }
+
+    fn core(&self) -> PyResult<MutexGuard<'_, ddmhe_core::DdMhe>> {
+        self.core.get("an estimator")
+    }
 }
 
 #[pymethods]
@@ -96,7 +110,7 @@ impl DdMhe {
             disturbance: disturbance.map(certificate::disturbance).transpose()?,
         };
         let core = py.detach(|| ddmhe_core::DdMhe::new(&history.core, config)).map_err(raise)?;
-        Ok(DdMhe { core })
+        Ok(DdMhe::of(core))
     }
 
     /// Consume y(t-1) and estimate x(t), at step number t.
@@ -107,15 +121,15 @@ impl DdMhe {
     ///     allocated; all else about the step is in `estimate`.
     #[pyo3(signature = (y_t, x_bounds=None, out=None))]
     fn step<'py>(
-        &mut self,
+        &self,
         py: Python<'py>,
         y_t: &Bound<'py, PyAny>,
         x_bounds: Option<&Bound<'py, PyAny>>,
         out: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Bound<'py, PyAny>> {
-        let (n, p) = (self.core.n(), self.core.p());
-        let limits: Option<Bounds> =
-            x_bounds.map(|v| bounds("x_bounds", v, n, Some(self.core.next_depth()))).transpose()?;
+        let mut core = self.core()?;
+        let (n, p) = (core.n(), core.p());
+        let limits: Option<Bounds> = x_bounds.map(|v| bounds("x_bounds", v, n, Some(core.next_depth()))).transpose()?;
         out.map(|out| writable::<Ix1>("out", out, &[n])).transpose()?; // checked first, let go: it may be y_t itself
         let copied;
         let array =
@@ -127,7 +141,7 @@ impl DdMhe {
                 &copied
             }
         };
-        let estimate = self.core.step_within(y, limits.as_ref()).map_err(raise)?;
+        let estimate = core.step_within(y, limits.as_ref()).map_err(raise)?;
         drop(array);
         let Some(out) = out else { return Ok(Bound::new(py, Estimate::new(estimate, n, p))?.into_any()) };
         writable::<Ix1>("out", out, &[n])?.as_slice_mut()?.copy_from_slice(&estimate.x);
@@ -135,19 +149,30 @@ impl DdMhe {
     }
 
     /// A copy that continues on its own from the same window; what was computed at construction is shared.
-    fn __copy__(&self) -> Self {
-        DdMhe { core: self.core.clone() }
+    fn __copy__(&self) -> PyResult<Self> {
+        Ok(DdMhe::of(self.core()?.clone()))
     }
 
-    fn __deepcopy__(&self, _memo: &Bound<'_, PyAny>) -> Self {
+    fn __deepcopy__(&self, _memo: &Bound<'_, PyAny>) -> PyResult<Self> {
         self.__copy__() // what is shared never changes
+    }
+
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Made<'py>> {
+        made::<Self>(py, "_restore", &self.core()?.snapshot())
+    }
+
+    /// restore as a class method, which pickle can name.
+    #[classmethod]
+    fn _restore(_cls: &Bound<'_, PyType>, blob: &Bound<'_, PyAny>) -> PyResult<Self> {
+        Self::restore(blob)
     }
 
     /// The latest step's Estimate; None before the first.
     #[getter]
-    fn estimate(&self) -> Option<Estimate> {
-        let estimate = self.core.estimate();
-        (!estimate.x.is_empty()).then(|| Estimate::new(estimate, self.core.n(), self.core.p()))
+    fn estimate(&self) -> PyResult<Option<Estimate>> {
+        let core = self.core()?;
+        let estimate = core.estimate();
+        Ok((!estimate.x.is_empty()).then(|| Estimate::new(estimate, core.n(), core.p())))
     }
 
     /// Estimate over a whole log Y (N, p), with the GIL released: the same numbers as N calls of step.
@@ -155,14 +180,16 @@ impl DdMhe {
     /// out : float64 array (N, n), optional. It receives the states and is the Log's x.
     #[pyo3(signature = (Y, out=None))]
     #[allow(non_snake_case)]
-    fn run(&mut self, py: Python<'_>, Y: &Bound<'_, PyAny>, out: Option<&Bound<'_, PyAny>>) -> PyResult<Log> {
+    fn run(&self, py: Python<'_>, Y: &Bound<'_, PyAny>, out: Option<&Bound<'_, PyAny>>) -> PyResult<Log> {
         let (data, rows, columns) = Numbers::matrix("Y", Y, "(N, p)")?;
-        let (n, p) = (self.core.n(), self.core.p());
+        let mut core = self.core()?;
+        let core = &mut *core;
+        let (n, p) = (core.n(), core.p());
         if columns != p {
             return Err(ShapeError::new_err(format!("Y: expected {p} columns, found {columns}")));
         }
         let room = out.map(|out| writable::<Ix2>("out", out, &[rows, n])).transpose()?;
-        let log = py.detach(|| self.core.run(&data)).map_err(raise)?;
+        let log = py.detach(|| core.run(&data)).map_err(raise)?;
         let x = match (out, room) {
             (Some(out), Some(mut room)) => {
                 room.as_slice_mut()?.copy_from_slice(&log.x);
@@ -170,112 +197,106 @@ impl DdMhe {
             }
             _ => None,
         };
-        Log::new(py, log, n, self.core.config().disturbance.is_some(), x)
+        Log::new(py, log, n, core.config().disturbance.is_some(), x)
     }
 
     /// Back to t = 0, with another prior state if given.
     #[pyo3(signature = (x_prior=None))]
-    fn reset(&mut self, x_prior: Option<&Bound<'_, PyAny>>) -> PyResult<()> {
-        let prior = x_prior.map(|v| Numbers::vector("x_prior", v, self.core.n())).transpose()?;
-        self.core.reset(prior.as_deref()).map_err(raise)
+    fn reset(&self, x_prior: Option<&Bound<'_, PyAny>>) -> PyResult<()> {
+        let mut core = self.core()?;
+        let prior = x_prior.map(|v| Numbers::vector("x_prior", v, core.n())).transpose()?;
+        core.reset(prior.as_deref()).map_err(raise)
     }
 
     /// The estimator with its recording and its window as bytes; see restore.
-    fn snapshot<'py>(&self, py: Python<'py>) -> Bound<'py, PyBytes> {
-        PyBytes::new(py, &self.core.snapshot())
+    fn snapshot<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyBytes>> {
+        Ok(PyBytes::new(py, &self.core()?.snapshot()))
     }
 
     /// The estimator that snapshot saved; its next steps give the same numbers.
     #[staticmethod]
     fn restore(blob: &Bound<'_, PyAny>) -> PyResult<Self> {
-        let bytes = blob.cast::<PyBytes>().map_err(|_| {
-            DdmheError::new_err(format!("blob: expected bytes made by snapshot, found {}", blob.get_type()))
-        })?;
-        Ok(DdMhe { core: ddmhe_core::DdMhe::restore(bytes.as_bytes()).map_err(raise)? })
+        Ok(DdMhe::of(ddmhe_core::DdMhe::restore(bytes(blob)?).map_err(raise)?))
     }
 
     /// Number of states.
     #[getter]
-    fn n(&self) -> usize {
-        self.core.n()
+    fn n(&self) -> PyResult<usize> {
+        Ok(self.core()?.n())
     }
 
     /// Number of outputs.
     #[getter]
-    fn p(&self) -> usize {
-        self.core.p()
+    fn p(&self) -> PyResult<usize> {
+        Ok(self.core()?.p())
     }
 
     /// Horizon M in force.
     #[getter]
-    fn horizon(&self) -> usize {
-        self.core.settings().horizon
+    fn horizon(&self) -> PyResult<usize> {
+        Ok(self.core()?.settings().horizon)
     }
 
     /// Discount in force.
     #[getter]
-    fn rho(&self) -> f64 {
-        self.core.settings().rho
+    fn rho(&self) -> PyResult<f64> {
+        Ok(self.core()?.settings().rho)
     }
 
     /// Noise weight in force, in the units of (17).
     #[getter]
-    fn mu(&self) -> f64 {
-        self.core.settings().mu
+    fn mu(&self) -> PyResult<f64> {
+        Ok(self.core()?.settings().mu)
     }
 
     /// The trajectory space that was asked for.
     #[getter]
     fn space<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        spaces::to_python(py, self.core.config().space)
+        spaces::to_python(py, self.core()?.config().space)
     }
 
     /// Directions of the trajectory space at full depth.
     #[getter]
-    fn rank(&self) -> usize {
-        self.core.settings().rank
+    fn rank(&self) -> PyResult<usize> {
+        Ok(self.core()?.settings().rank)
     }
 
     /// Weight on the normalised ||a||**2 = N ||alpha||**2 - 1, in units of the states' variance; 0 for none.
     #[getter]
-    fn ridge(&self) -> f64 {
-        self.core.settings().lambda
+    fn ridge(&self) -> PyResult<f64> {
+        Ok(self.core()?.settings().lambda)
     }
 
     /// Steps since the start or the last reset.
     #[getter]
-    fn t(&self) -> usize {
-        self.core.t()
+    fn t(&self) -> PyResult<usize> {
+        Ok(self.core()?.t())
     }
 
     /// Depth M_t of the next step's window.
     #[getter]
-    fn next_depth(&self) -> usize {
-        self.core.next_depth()
+    fn next_depth(&self) -> PyResult<usize> {
+        Ok(self.core()?.next_depth())
     }
 
     /// Spectral radius of the map prior -> estimate without new information; above 1 errors grow.
     #[getter]
-    fn spectral_radius(&self) -> f64 {
-        self.core.spectral_radius()
+    fn spectral_radius(&self) -> PyResult<f64> {
+        Ok(self.core()?.spectral_radius())
     }
 
     /// What to know about these settings, in words.
     #[getter]
-    fn warnings(&self) -> Vec<String> {
-        self.core.warnings().to_vec()
+    fn warnings(&self) -> PyResult<Vec<String>> {
+        Ok(self.core()?.warnings().to_vec())
     }
 
     fn __repr__(&self) -> String {
-        let s = self.core.settings();
+        let Ok(core) = self.core() else { return "DdMhe(at work in another call)".into() };
+        let (s, t) = (core.settings(), core.t());
         format!(
-            "DdMhe(horizon={}, rho={:.4}, mu={:.4e}, rank={}, ridge={:.3e}, t={})",
-            s.horizon,
-            s.rho,
-            s.mu,
-            s.rank,
-            s.lambda,
-            self.core.t()
+            "DdMhe(horizon={}, rho={:.4}, mu={:.4e}, rank={}, ridge={:.3e}, t={t})",
+            s.horizon, s.rho, s.mu, s.rank, s.lambda
         )
     }
 }
@@ -320,6 +341,20 @@ impl Estimate {
 
 #[pymethods]
 impl Estimate {
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Made<'py>> {
+        made::<Self>(py, "_restore", &to_bytes(Kind::Estimate, &(self.n, self.p, &self.core)))
+    }
+
+    #[classmethod]
+    fn _restore(_cls: &Bound<'_, PyType>, blob: &Bound<'_, PyAny>) -> PyResult<Self> {
+        let (n, p, core): (usize, usize, ddmhe_core::Estimate) =
+            from_bytes(Kind::Estimate, bytes(blob)?).map_err(raise)?;
+        if n == 0 || p == 0 || !core.fits(n, p) {
+            return Err(DdmheError::new_err("blob: expected a saved estimate, found one of other sizes"));
+        }
+        Ok(Estimate::new(&core, n, p))
+    }
+
     /// Estimated state (n,), from outputs up to y(t-1).
     #[getter]
     fn x(&self, py: Python<'_>) -> Py<PyArray1<f64>> {
@@ -419,12 +454,11 @@ pub struct Log {
 pub fn run_many(py: Python<'_>, estimators: &Bound<'_, PyAny>, logs: &Bound<'_, PyAny>) -> PyResult<Vec<Log>> {
     let logs: Vec<Bound<'_, PyAny>> = items("logs", "a list of arrays", logs)?;
     if let Ok(one) = estimators.cast::<DdMhe>() {
-        let one = one.try_borrow().map_err(|_| in_use(0))?;
-        let data = columns(&logs, |_| one.core.p())?;
+        let core = &*one.get().core()?;
+        let data = columns(&logs, |_| core.p())?;
         let slices: Vec<&[f64]> = data.iter().map(Vec::as_slice).collect();
-        let core = &one.core;
         let found = py.detach(|| ddmhe_core::run_copies(core, &slices)).map_err(raise)?;
-        let (n, bounded) = (one.core.n(), one.core.config().disturbance.is_some());
+        let (n, bounded) = (core.n(), core.config().disturbance.is_some());
         return found.into_iter().map(|log| Log::new(py, log, n, bounded, None)).collect();
     }
     let estimators = items("estimators", "a DdMhe or a list of DdMhe or of History", estimators)?;
@@ -458,19 +492,20 @@ pub fn run_many(py: Python<'_>, estimators: &Bound<'_, PyAny>, logs: &Bound<'_, 
                 item.get_type()
             ))
         })?;
-        borrowed.push(estimator.try_borrow_mut().map_err(|_| in_use(k))?);
+        borrowed.push(estimator.get().core().map_err(|_| in_use(k))?);
     }
-    let data = columns(&logs, |k| borrowed[k].core.p())?;
-    let sizes: Vec<(usize, bool)> =
-        borrowed.iter().map(|e| (e.core.n(), e.core.config().disturbance.is_some())).collect();
-    let mut cores: Vec<&mut ddmhe_core::DdMhe> = borrowed.iter_mut().map(|e| &mut e.core).collect();
+    let data = columns(&logs, |k| borrowed[k].p())?;
+    let sizes: Vec<(usize, bool)> = borrowed.iter().map(|e| (e.n(), e.config().disturbance.is_some())).collect();
+    let mut cores: Vec<&mut ddmhe_core::DdMhe> = borrowed.iter_mut().map(|e| &mut **e).collect();
     let slices: Vec<&[f64]> = data.iter().map(Vec::as_slice).collect();
     let found = py.detach(|| ddmhe_core::run_many(&mut cores, &slices)).map_err(raise)?;
     found.into_iter().zip(sizes).map(|(log, (n, bounded))| Log::new(py, log, n, bounded, None)).collect()
 }
 
 fn in_use(k: usize) -> PyErr {
-    DdmheError::new_err(format!("estimators: expected each only once, found number {k} in use already"))
+    DdmheError::new_err(format!(
+        "estimators: expected each only once and none at work in another thread, found number {k} in use already"
+    ))
 }
 
 fn items<'py>(argument: &str, expected: &str, value: &Bound<'py, PyAny>) -> PyResult<Vec<Bound<'py, PyAny>>> {
@@ -491,8 +526,45 @@ fn columns(logs: &[Bound<'_, PyAny>], p: impl Fn(usize) -> usize) -> PyResult<Ve
     logs.iter().enumerate().map(log).collect()
 }
 
+/// What `Log._of` takes.
+type Columns<'py> = (
+    Bound<'py, PyArray2<f64>>,
+    Bound<'py, PyArray1<f64>>,
+    Option<Bound<'py, PyArray1<f64>>>,
+    Bound<'py, PyAny>,
+    Bound<'py, PyArray1<i64>>,
+    Bound<'py, PyArray1<i64>>,
+);
+
 #[pymethods]
 impl Log {
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, Columns<'py>)> {
+        let (x, cost) = (self.x.bind(py).clone(), self.cost.bind(py).clone());
+        let (active, iterations) = (self.active.bind(py).clone(), self.iterations.bind(py).clone());
+        let bound = self.bound.as_ref().map(|bound| bound.bind(py).clone());
+        let status = self.status(py)?.into_bound(py);
+        Ok((py.get_type::<Self>().getattr("_of")?, (x, cost, bound, status, active, iterations)))
+    }
+
+    /// From its columns.
+    #[classmethod]
+    #[pyo3(signature = (*columns))]
+    fn _of(_cls: &Bound<'_, PyType>, columns: &Bound<'_, PyTuple>) -> PyResult<Self> {
+        let (x, cost, bound, status, active, iterations): Columns<'_> =
+            columns.extract().map_err(|_| DdmheError::new_err("columns: expected those of a Log, found others"))?;
+        let words = PyOnceLock::new();
+        let _ = words.set(status.py(), status.unbind()); // it was empty
+        Ok(Log {
+            x: x.unbind(),
+            cost: cost.unbind(),
+            bound: bound.map(Bound::unbind),
+            status: words,
+            words: Vec::new(),
+            active: active.unbind(),
+            iterations: iterations.unbind(),
+        })
+    }
+
     /// Status of each step (N,), strings.
     #[getter]
     fn status(&self, py: Python<'_>) -> PyResult<Py<PyAny>> {

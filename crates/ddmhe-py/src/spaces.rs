@@ -4,6 +4,7 @@ use crate::convert::{DdmheError, whole};
 use ddmhe_core::Space;
 use pyo3::IntoPyObjectExt;
 use pyo3::prelude::*;
+use pyo3::types::PyType;
 
 /// Every direction above rounding level: the equality (16b) as printed, with the least-norm alpha.
 #[pyclass(module = "ddmhe", frozen, eq, hash, name = "Exact")]
@@ -15,6 +16,10 @@ impl Exact {
     #[new]
     fn new() -> Self {
         Exact
+    }
+
+    fn __reduce__<'py>(&self, py: Python<'py>) -> (Bound<'py, PyType>, ()) {
+        (py.get_type::<Self>(), ())
     }
 
     fn __repr__(&self) -> &'static str {
@@ -49,6 +54,10 @@ impl Truncated {
         Ok(Truncated { rank: rank.map(|r| whole("rank", r)).transpose()?, tol })
     }
 
+    fn __reduce__<'py>(&self, py: Python<'py>) -> (Bound<'py, PyType>, (Option<usize>, Option<f64>)) {
+        (py.get_type::<Self>(), (self.rank, self.tol))
+    }
+
     fn __repr__(&self) -> String {
         let mut parts = Vec::new();
         parts.extend(self.rank.map(|r| format!("rank={r}")));
@@ -80,6 +89,10 @@ impl Ridge {
     #[pyo3(signature = (weight, normalised=false))]
     fn new(weight: f64, normalised: bool) -> Self {
         Ridge { weight, normalised }
+    }
+
+    fn __reduce__<'py>(&self, py: Python<'py>) -> (Bound<'py, PyType>, (f64, bool)) {
+        (py.get_type::<Self>(), (self.weight, self.normalised))
     }
 
     fn __repr__(&self) -> String {

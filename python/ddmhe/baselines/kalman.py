@@ -180,13 +180,18 @@ class Oracle(Baseline):
         if kind not in ("ekf", "ukf"):
             raise DdmheError(f"kind: expected 'ekf' or 'ukf', found {kind!r}")
         self._kind = kind
-        self._output: Callable[[Array], Array] = lambda x: np.asarray(model.output(x))
-        self._forward: Callable[[Array], Array] = lambda x: np.asarray(x + dt * model.derivative(x))
+        self._model, self._dt = model, dt
         size = float(np.linalg.norm(x)) or 1.0
         self._P_0 = max(prior, 1e-9 * size) ** 2 * np.eye(self.n)
         self._Q = max(motion, 1e-9 * size) ** 2 * np.eye(self.n)
         self._R = max(noise, 1e-12) ** 2 * np.eye(self.p)
         self.reset()
+
+    def _output(self, x: Array) -> Array:
+        return np.asarray(self._model.output(x))
+
+    def _forward(self, x: Array) -> Array:
+        return np.asarray(x + self._dt * self._model.derivative(x))
 
     def _start(self, x_prior: Array) -> None:
         self._x, self._P = x_prior, self._P_0

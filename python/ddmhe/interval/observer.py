@@ -73,7 +73,18 @@ class IntervalObserver:
         gain |= {"mu_w": design.mu_w, "mu_v": design.mu_v}
         start = radius_of("x0_radius", x0_radius, system.n)
         self.system, self.design, self.method = system, design, method
+        self._given = (system, design, center, start, parts["w_radius"], parts["v_radius"], order, method, reduction)
         self._core = ObserverCore(system.kind, parts, gain, center.tolist(), start.tolist(), order, method, reduction)
+
+    def __getstate__(self) -> tuple[tuple[Any, ...], bytes]:
+        """The arguments, and where the observer stands."""
+        return self._given, self._core.present()
+
+    def __setstate__(self, state: tuple[tuple[Any, ...], bytes]) -> None:
+        """As it stood."""
+        given, present = state
+        IntervalObserver.__init__(self, *given)
+        self._core.resume(present)
 
     def step(self, y: ArrayLike, u: ArrayLike | None = None) -> IntervalEstimate:
         """Consume y(k) (p,), NaN = not measured, and u(k) (n_u,): bounds of x(k) that use y(k), and of x(k+1)."""

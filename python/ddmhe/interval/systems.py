@@ -141,27 +141,70 @@ class System:
         return found
 
 
-def pendulum(model: models.Pendulum | None = None, dt: float = models.Pendulum.paper_dt) -> System:
-    """The pendulum (60): x1⁺ = x1 + dt x2 + w1, x2⁺ = x2 - dt stiffness sin x1 + w2, y = x1 + 0.1 v."""
-    gain = dt * (model or models.pendulum()).stiffness
-    A = np.array([[1.0, dt], [0.0, 1.0]])
-    bound = np.array([[0.0, 0.0], [gain, 0.0]])
+# The f and Df of the ready-made systems are methods of plain objects: these pickle, nested functions do not.
 
-    def f(x: Array) -> Array:
-        return np.array([0.0, -gain * np.sin(x[0])])
 
-    def jacobian(lo: Array, hi: Array) -> tuple[Array, Array]:
+@dataclass(frozen=True)
+class _Sine:
+    """f = (0, -gain sin x1)."""
+
+    gain: float
+
+    def f(self, x: Array) -> Array:
+        return np.array([0.0, -self.gain * np.sin(x[0])])
+
+    def jacobian(self, lo: Array, hi: Array) -> tuple[Array, Array]:
         # cos is 1 at even and -1 at odd multiples of pi
         even = np.floor(hi[0] / (2 * np.pi)) >= np.ceil(lo[0] / (2 * np.pi))
         odd = np.floor((hi[0] / np.pi - 1) / 2) >= np.ceil((lo[0] / np.pi - 1) / 2)
         ends = np.cos([lo[0], hi[0]])
         top, bottom = 1.0 if even else ends.max(), -1.0 if odd else ends.min()
         J_lo, J_hi = np.zeros((2, 2)), np.zeros((2, 2))
-        J_lo[1, 0], J_hi[1, 0] = -gain * top, -gain * bottom
+        J_lo[1, 0], J_hi[1, 0] = -self.gain * top, -self.gain * bottom
         return J_lo, J_hi
 
-    C, D2 = np.array([[1.0, 0.0]]), np.array([[0.1]])
-    return System(A, C, np.eye(2), D2, f, jacobian, -bound, bound, kind=("pendulum", gain))
+
+@dataclass(frozen=True, eq=False)
+class _Euler:
+    """f = (a1 x2 x3, a2 x3 x1, a3 x1 x2), with Df within ±bound."""
+
+    ratios: Array
+    bound: Array
+
+    def f(self, x: Array) -> Array:
+        return np.asarray(self.ratios * np.array([x[1] * x[2], x[2] * x[0], x[0] * x[1]]))
+
+    def jacobian(self, lo: Array, hi: Array) -> tuple[Array, Array]:
+        return -self.bound, self.bound
+
+
+@dataclass(frozen=True)
+class _Damping:
+    """f = (0, -weight x1² x2)."""
+
+    weight: float
+
+    def f(self, x: Array) -> Array:
+        return np.array([0.0, -self.weight * x[0] ** 2 * x[1]])
+
+    def jacobian(self, lo: Array, hi: Array) -> tuple[Array, Array]:
+        products = [a * b for a in (lo[0], hi[0]) for b in (lo[1], hi[1])]
+        squares = [lo[0] ** 2, hi[0] ** 2]
+        least = 0.0 if lo[0] <= 0 <= hi[0] else min(squares)
+        J_lo, J_hi = np.zeros((2, 2)), np.zeros((2, 2))
+        J_lo[1] = -self.weight * np.array([2 * max(products), max(squares)])
+        J_hi[1] = -self.weight * np.array([2 * min(products), least])
+        return J_lo, J_hi
+
+
+def pendulum(model: models.Pendulum | None = None, dt: float = models.Pendulum.paper_dt) -> System:
+    """The pendulum (60): x1⁺ = x1 + dt x2 + w1, x2⁺ = x2 - dt stiffness sin x1 + w2, y = x1 + 0.1 v."""
+    gain = dt * (model or models.pendulum()).stiffness
+    A = np.array([[1.0, dt], [0.0, 1.0]])
+    bound = np.array([[0.0, 0.0], [gain, 0.0]])
+
+    C, D2, motion = np.array([[1.0, 0.0]]), np.array([[0.1]]), _Sine(gain)
+    return System(A, C, np.eye(2), D2, motion.f, motion.jacobian, -bound, bound, kind=("pendulum", gain))
 
 
 def linear(
@@ -228,19 +271,14 @@ def detumbling(
     bound = off[:, None] * rate_bound * (1 - np.eye(3)) + d_N
     bound = np.nextafter(bound, np.inf) * (bound > 0)
 
-    def f(x: Array) -> Array:
-        return np.asarray(ratios * np.array([x[1] * x[2], x[2] * x[0], x[0] * x[1]]))
-
-    def jacobian(lo: Array, hi: Array) -> tuple[Array, Array]:
-        return -bound, bound
-
+    motion = _Euler(ratios, bound)
     kind = (
         "euler",
         (ratios - d_ratios, ratios + d_ratios),
         (-d_N.ravel(), d_N.ravel()),
         [float(v) for v in d_G.ravel()],
     )
-    return System(np.eye(3) + N, G, np.eye(3), np.eye(3), f, jacobian, -bound, bound, kind=kind)
+    return System(np.eye(3) + N, G, np.eye(3), np.eye(3), motion.f, motion.jacobian, -bound, bound, kind=kind)
 
 
 def van_der_pol(dt: float = 0.05, mu: float = 1.0, bound: float = 3.0) -> System:
@@ -250,20 +288,7 @@ def van_der_pol(dt: float = 0.05, mu: float = 1.0, bound: float = 3.0) -> System
     A = I + dt [[0, 1], [-1, mu]] and f = (0, -dt mu x1² x2).
     """
     A = np.eye(2) + dt * np.array([[0.0, 1.0], [-1.0, mu]])
-
-    def f(x: Array) -> Array:
-        return np.array([0.0, -dt * mu * x[0] ** 2 * x[1]])
-
-    def jacobian(lo: Array, hi: Array) -> tuple[Array, Array]:
-        products = [a * b for a in (lo[0], hi[0]) for b in (lo[1], hi[1])]
-        squares = [lo[0] ** 2, hi[0] ** 2]
-        least = 0.0 if lo[0] <= 0 <= hi[0] else min(squares)
-        J_lo, J_hi = np.zeros((2, 2)), np.zeros((2, 2))
-        J_lo[1] = -dt * mu * np.array([2 * max(products), max(squares)])
-        J_hi[1] = -dt * mu * np.array([2 * min(products), least])
-        return J_lo, J_hi
-
-    box = np.full(2, bound)
-    J_lo, J_hi = jacobian(-box, box)
+    box, motion = np.full(2, bound), _Damping(dt * mu)
+    J_lo, J_hi = motion.jacobian(-box, box)
     pad = 1e-12 * np.abs(J_hi - J_lo)
-    return System(A, np.array([[1.0, 0.0]]), np.eye(2), np.eye(1), f, jacobian, J_lo - pad, J_hi + pad)
+    return System(A, np.array([[1.0, 0.0]]), np.eye(2), np.eye(1), motion.f, motion.jacobian, J_lo - pad, J_hi + pad)

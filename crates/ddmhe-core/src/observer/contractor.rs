@@ -4,12 +4,13 @@ use super::{Dynamics, IntervalObserver, Method};
 use crate::error::Error;
 use crate::interval::{Interval, dot, points, weighted};
 use crate::zonotope::{diagonal, row_sums, strip_range};
+use serde::{Deserialize, Serialize};
 
 /// Past transitions that a measurement is carried back through.
 pub(super) const BACK: usize = 4;
 
 /// One past transition: the box of x, B u, and what the output said about x.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Serialize, Deserialize)]
 pub(super) struct Past {
     pub x: Vec<Interval>,
     pub input: Vec<Interval>,
