@@ -64,12 +64,13 @@ def hankel(signal, depth):
     return np.array([signal[k : k + depth].ravel() for k in range(len(signal) - depth + 1)]).T
 
 
-def verbatim(x_hist, y_hist, y_window, prior, rho, mu, x_bounds=None, v_bounds=None, *, near):
+def verbatim(x_hist, y_hist, y_window, prior, rho, mu, x_bounds=None, v_bounds=None, *, near, near_v=None):
     """Problem (16) with cost (17), exactly as printed, over α. Returns (window, v, cost), proven optimal.
 
     Interior-point solvers stop near 1e-5 on it or fail (its Hessian is singular in most of α), so it is solved as a
     mathematician would: guess the active bounds (`near` is any window close to the answer), solve the equality
-    constrained least squares for α, then prove optimality with multipliers from non-negative least squares.
+    constrained least squares for α, then prove optimality with multipliers from non-negative least squares. With
+    `near_v`, the fitted noise beside that window, α is proved to be the shortest one of least cost, too.
     """
     M, n, p = len(y_window), x_hist.shape[1], y_hist.shape[1]
     H_y, H_x = hankel(y_hist, M), hankel(x_hist, M + 1)
@@ -86,7 +87,10 @@ def verbatim(x_hist, y_hist, y_window, prior, rho, mu, x_bounds=None, v_bounds=N
     D = np.vstack([np.sqrt(2 * rho**M) * H_x[:n], np.sqrt(mu) * discount[:, None] * H_y])
     d = np.concatenate([np.sqrt(2 * rho**M) * prior, np.sqrt(mu) * discount * y])  # cost = ‖D alpha - d‖²
 
-    guess = np.linalg.lstsq(np.vstack([H_x, np.ones(N)]), np.append(near.ravel(), 1.0), rcond=1e-11)[0]
+    shown, seen = [H_x, np.ones((1, N))], [near.ravel(), [1.0]]
+    if near_v is not None:
+        shown, seen = [*shown, H_y], [*seen, y - near_v.ravel()]
+    guess = np.linalg.lstsq(np.vstack(shown), np.concatenate(seen), rcond=1e-11)[0]
     active = limits - rows @ guess < 1e-7
     fixed = np.vstack([rows[active], np.ones((1, N))])
     alpha = np.linalg.lstsq(fixed, np.append(limits[active], 1.0), rcond=1e-11)[0]
@@ -103,6 +107,10 @@ def verbatim(x_hist, y_hist, y_window, prior, rho, mu, x_bounds=None, v_bounds=N
     scale = max(np.abs(gradient).max(), np.abs(2 * D.T @ d).max() * 1e-6, 1e-9)
     _, unbalanced = scipy.optimize.nnls(normals, -gradient / scale)
     assert unbalanced < 1e-6
+    if near_v is not None:
+        others = np.column_stack([D.T, -D.T]) / np.linalg.norm(D)  # given: multipliers of any sign
+        _, unbalanced = scipy.optimize.nnls(np.column_stack([normals, others]), -alpha / np.linalg.norm(alpha))
+        assert unbalanced < 1e-7
     return (H_x @ alpha).reshape(M + 1, n), (y - H_y @ alpha).reshape(M, p), float(np.sum((D @ alpha - d) ** 2))
 
 

@@ -1,10 +1,14 @@
 """Bounds: tolerances in each channel's own units, and the count of bounds that are touched."""
 
+import copy
+from collections import Counter
+
 import numpy as np
 import pytest
+import scipy.optimize
 
 import ddmhe
-from reference import random_system
+from reference import hankel, random_system
 
 
 def recorded(rng, steps=120):
@@ -78,3 +82,70 @@ def test_bounds_on_an_output_that_never_moved():
         assert (log.status == "optimal").all()
         assert np.abs(log.x - free.x).max() < 1e-9
         assert estimator.step(outputs[-1] + [0.0, 0.0, 1e-6]).status == "infeasible"
+
+
+def least_excess(x, y, window, lo, hi, width):
+    """By how many deviations all bounds on a window must be exceeded (noise-free data): a linear programme."""
+    M, n = len(window), x.shape[1]
+    stack = np.vstack([hankel(x, M + 1), hankel(y, M)])
+    unit = np.concatenate([np.tile(x.std(0), M + 1), np.tile(y.std(0), M)])
+    mean = stack.mean(1)
+    basis = np.linalg.svd((stack - mean[:, None]) / unit[:, None])[0][:, :n]
+    noise = np.full(y.shape[1], np.inf) if width is None else width
+    lo = (np.concatenate([lo.ravel(), (window - noise).ravel()]) - mean) / unit
+    hi = (np.concatenate([hi.ravel(), (window + noise).ravel()]) - mean) / unit
+    rows, limits = np.vstack([basis, -basis]), np.concatenate([hi, -lo])
+    bounded = np.isfinite(limits)
+    A = np.column_stack([rows[bounded], -np.ones(bounded.sum())])
+    free = [(None, None)] * n
+    sharp = {"primal_feasibility_tolerance": 1e-10, "dual_feasibility_tolerance": 1e-10}
+    found = scipy.optimize.linprog([*np.zeros(n), 1.0], A, limits[bounded], bounds=[*free, (0, None)], options=sharp)
+    assert found.status == 0
+    return found.fun
+
+
+def hostile_box(rng, window, deviation):
+    """Bounds on some states of a window: about it, touching, fixing; now and then one it does not satisfy."""
+    room = np.where(rng.random((2, *window.shape)) < 0.5, 0.0, rng.uniform(0, 0.3, (2, *window.shape)))
+    lo, hi = window - room[0] * deviation, window + room[1] * deviation
+    free = rng.random(window.shape) < 0.7
+    lo[free], hi[free] = -np.inf, np.inf
+    if rng.random() < 0.3:
+        at = rng.integers(window.shape[0]), rng.integers(window.shape[1])
+        lo[at] = hi[at] = window[at] + 10.0 ** rng.uniform(-6, 0) * deviation[at[1]]
+    return lo, hi
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_every_status_is_a_true_statement(seed):
+    """Boxes that touch, fix and contradict, spikes, unlike units: a linear programme confirms what is said."""
+    rng = np.random.default_rng(seed)
+    said = Counter()
+    for _ in range(12):
+        x, y, truth, outputs = recorded(rng, 20)
+        x_units, y_units = 10.0 ** rng.integers(-4, 1, 3), 10.0 ** rng.integers(-4, 1, 2)
+        x, truth, y, outputs = x * x_units, truth * x_units, y * y_units, outputs * y_units
+        width = None if rng.random() < 0.5 else 0.5 * y_units
+        bounds = None if width is None else (-width, width)
+        estimator = ddmhe.DdMhe(ddmhe.History(x, y), 6, 0.9, 1.0, v_bounds=bounds, space=ddmhe.Truncated(3))
+        estimator.run(outputs[:6])
+        for k in range(6, 20):
+            lo, hi = hostile_box(rng, truth[k - 5 : k + 2], x.std(0))
+            if rng.random() < 0.2:
+                outputs[k] = outputs[k] + 10.0 ** rng.uniform(1, 6) * y.std(0)
+            estimate = copy.copy(estimator).step(outputs[k], x_bounds=(lo, hi))
+            estimator.step(outputs[k])
+            said[estimate.status] += 1
+            excess = least_excess(x, y, outputs[k - 5 : k + 1], lo, hi, width)
+            if estimate.status in ("optimal", "almost_optimal"):
+                tolerance = 1e-9 if estimate.status == "optimal" else 1e-6
+                off = np.maximum(lo - estimate.window, estimate.window - hi) / x.std(0)
+                assert off.max() < 1.1 * tolerance
+                if width is not None:
+                    assert ((np.abs(estimate.v) - width) / y.std(0)).max() < 1.1 * tolerance
+                assert excess < 1e-6
+            elif estimate.status == "infeasible":
+                assert excess > 1e-10
+    assert said["failed"] + said["almost_optimal"] <= 2, said
+    assert said["infeasible"] > 10, said
+    assert said["optimal"] > 30, said

@@ -183,6 +183,40 @@ def test_exact_space_of_a_noisy_recording_takes_the_least_norm_alpha(seed):
     assert estimate.cost < 1e-15
 
 
+@pytest.mark.parametrize("seed", range(40))
+def test_active_bounds_leave_the_least_norm_to_the_minimisers_of_the_cost(seed):
+    """A noisy recording, more directions than the cost sees, active bounds: cost first, then ‖α‖, proved over α."""
+    rng = np.random.default_rng(seed)
+    n, p, M = int(rng.integers(1, 4)), int(rng.integers(1, 3)), int(rng.integers(2, 8))
+    system = random_system(rng, n, p)
+    x, y = system.simulate(rng.standard_normal(n) * 3, 60)
+    x, y = (signal + 0.1 * rng.standard_normal(signal.shape) for signal in (x, y))
+    truth, clean = system.simulate(rng.standard_normal(n) * 2, M + 20)
+    outputs = clean + rng.uniform(-0.5, 0.5, clean.shape)
+    x_bounds = (0.5 * truth.min(0) - 0.1, 0.5 * truth.max(0) + 0.1)
+    v_bounds = None if seed % 2 else (np.full(p, -0.2), np.full(p, 0.2))
+    rho, mu, prior = rng.uniform(0.7, 0.95), 10 ** rng.uniform(-1, 2), np.clip(truth[0], *x_bounds)
+    estimator = ddmhe.DdMhe(
+        ddmhe.History(x, y), M, rho, mu, x_prior=prior, x_bounds=x_bounds, v_bounds=v_bounds, space=ddmhe.Exact()
+    )
+    past, bound = [prior], 0
+    for k, sample in enumerate(outputs, 1):
+        estimate = estimator.step(sample)
+        past.append(estimate.x)
+        assert estimate.status == "optimal"
+        if estimate.active == 0:
+            continue
+        bound += 1
+        m = min(k, M)
+        arguments = (outputs[k - m : k], past[k - m], rho, mu, x_bounds, v_bounds)
+        window, v, cost = verbatim(x, y, *arguments, near=estimate.window, near_v=estimate.v)
+        size = np.abs(window).max()
+        assert np.abs(estimate.window - window).max() < 1e-8 * size
+        assert np.abs(estimate.v - v).max() < 1e-8 * max(size, np.abs(v).max())
+        assert estimate.cost == pytest.approx(cost, rel=1e-8, abs=1e-12)
+    assert bound > 3
+
+
 def test_history_center_is_the_affine_pseudo_inverse():
     """x_c = H_x H_y† y in affine form: with a box of zero width around it, the window must be x_c itself."""
     rng = np.random.default_rng(0)

@@ -23,7 +23,8 @@
 //! → `mhe` ([`DdMhe`]: Algorithm 1, over a `memory` that is allocated once) → `estimate` ([`Estimate`]). What is computed at construction is a
 //! `design`, which copies of an estimator share; `many` runs them on all cores.
 //! [`Certificate`] replaces the scalar weights by matrices for which the error is known to shrink, and bounds it step by step.
-//! What the closed form does not solve, the dual method of `active_set` does, or else Clarabel, which no file but `qp` names.
+//! What the closed form does not solve, the dual method of `active_set` does, or else `way_out`, which checks what Clarabel proposes;
+//! no file but `qp` names that.
 //! [`defaults`] is the rule for settings that are not given; [`tol`] holds every tolerance with its reason.
 //!
 //! The second method of the crate puts a guaranteed interval around a state: [`interval`] (arithmetic that rounds outward),
@@ -71,8 +72,10 @@ mod reduction;
 mod rounding;
 pub mod snapshot;
 pub mod space;
+mod surplus;
 pub mod tol;
 pub mod validation;
+mod way_out;
 mod weights;
 mod window;
 mod zonotope;

@@ -1,33 +1,35 @@
-//! The small dense quadratic programme, the only file that names Clarabel: the way out where the dual active-set method of
-//! `active_set` is not certain, and the reference that it is tested against.
+//! Small dense programmes, the only file that names Clarabel: what it proposes where the dual active-set method of `active_set`
+//! is not certain. Nothing that it says is believed: `way_out` checks the points and the multipliers.
 //!
 //! The estimator hands over a least-distance problem: with t the deviation from the unconstrained minimiser, in
 //! coordinates where the cost's Hessian is the identity,
 //!
 //! > minimise ½‖t‖²  subject to  lo ≤ A t ≤ hi,
 //!
-//! with a row scaled to standard deviations.
+//! with rows of unit length.
 
+use crate::active_set::Side;
 use crate::tol;
 use clarabel::algebra::CscMatrix;
-use clarabel::solver::{
-    DefaultSettings, DefaultSolver, IPSolver, NonnegativeConeT, SolverStatus, SupportedConeT, ZeroConeT,
-};
+use clarabel::solver::{DefaultSettings, DefaultSolver, IPSolver, NonnegativeConeT, SupportedConeT, ZeroConeT};
 use faer::{Mat, MatRef};
 use serde::{Deserialize, Serialize};
 
-/// What the optimisation found.
+/// What the optimisation found. Each is a statement about the numbers that were handed out, checked whichever solver they
+/// came from; a deviation is the channel's own standard deviation over the recording.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[non_exhaustive]
 pub enum Status {
-    /// The minimiser: closed form, or checked against the optimality conditions, or within the solver's tolerance.
+    /// The minimiser: every bound holds to 1e-9 deviations, and so do the optimality conditions, relative to the distance from
+    /// the unconstrained minimiser (or from the recording's mean window, if that is larger).
     #[default]
     Optimal,
-    /// The solver stopped early, at a point that it calls nearly optimal.
+    /// Every bound holds to 1e-6 deviations, and the optimality conditions to 1e-4 on the same scale.
     AlmostOptimal,
-    /// No window satisfies all bounds; the estimate is the unconstrained minimiser.
+    /// No window satisfies all bounds, not even if each is exceeded by 1e-9 deviations: a combination of bounds proves it of all
+    /// windows up to a million times as far from the mean as these bounds, with rows known to 1e-12. The estimate is the unconstrained minimiser.
     Infeasible,
-    /// The solver stopped without an answer; the estimate is the unconstrained minimiser.
+    /// None of these could be shown; the estimate is the unconstrained minimiser.
     Failed,
 }
 
@@ -43,46 +45,76 @@ impl Status {
     }
 }
 
-/// The answer to one least-distance problem.
-pub(crate) struct Solution {
+/// What the solver proposes: a point, and multipliers of at least 0.
+pub(crate) struct Proposal {
     pub t: Vec<f64>,
-    pub status: Status,
+    pub multipliers: Vec<(Side, f64)>,
     pub iterations: u32,
 }
 
-/// One solver row: sign · aᵀt ≤ bound (or = for a fixed row).
-struct Side {
-    row: usize,
-    sign: f64,
-    fixed: bool,
+/// One of the programmes below.
+pub(crate) type Programme = fn(MatRef<'_, f64>, &[f64], &[f64]) -> Option<Proposal>;
+
+/// Minimises ½‖t‖² subject to lo ≤ A t ≤ hi, A (rows × r); infinite entries are no bounds. None if the data are rejected. Where
+/// there is no such t, the multipliers are those of a proof of it.
+pub(crate) fn least_distance(A: MatRef<'_, f64>, lo: &[f64], hi: &[f64]) -> Option<Proposal> {
+    let r = A.ncols();
+    let bounds = || lo.iter().zip(hi).enumerate();
+    // equalities first, as the cones want them
+    let fixed = bounds().filter(|(_, (l, h))| l == h).map(|(row, _)| Side { row, sign: 1.0 });
+    let open = bounds().filter(|(_, (l, h))| l != h).flat_map(|(row, (l, h))| {
+        let side = |sign: f64, bound: &f64| bound.is_finite().then_some(Side { row, sign });
+        [side(1.0, l), side(-1.0, h)].into_iter().flatten()
+    });
+    let equalities = fixed.clone().count();
+    let sides: Vec<Side> = fixed.chain(open).collect();
+    // -sign aᵀt ≤ -sign bound
+    let rows = Mat::from_fn(sides.len(), r, |i, j| -sides[i].sign * A[(sides[i].row, j)]);
+    let b: Vec<f64> = sides.iter().map(|s| if s.sign > 0.0 { -lo[s.row] } else { hi[s.row] }).collect();
+    let cones: [SupportedConeT<f64>; 2] = [ZeroConeT(equalities), NonnegativeConeT(sides.len() - equalities)];
+    let sparse = dense_to_csc(rows.as_ref());
+    let mut solver =
+        DefaultSolver::new(&CscMatrix::identity(r), &vec![0.0; r], &sparse, &b, &cones, settings()).ok()?;
+    solver.solve();
+    let outward = |(side, z): (&Side, &f64)| (Side { sign: side.sign * z.signum(), ..*side }, z.abs());
+    Some(Proposal {
+        t: solver.solution.x.clone(),
+        multipliers: sides.iter().zip(&solver.solution.z).map(outward).collect(),
+        iterations: solver.solution.iterations,
+    })
 }
 
-/// Minimises ½‖t‖² subject to lo ≤ A t ≤ hi, A (rows × r); infinite entries are no bounds.
-pub(crate) fn interior_point(A: MatRef<'_, f64>, lo: &[f64], hi: &[f64]) -> Solution {
-    let failed = Solution { t: vec![0.0; A.ncols()], status: Status::Failed, iterations: 0 };
-    let sides = sides(lo, hi);
-    let b: Vec<f64> = sides.iter().map(|s| if s.sign > 0.0 { hi[s.row] } else { -lo[s.row] }).collect();
-    let Some(mut solver) = prepare(A, &sides, &b) else { return failed };
+/// The smallest s ≥ -1 by which all bounds must be loosened to leave a t: lo - s ≤ A t ≤ hi + s. Its multipliers are those of a
+/// proof if s is positive.
+pub(crate) fn least_excess(A: MatRef<'_, f64>, lo: &[f64], hi: &[f64]) -> Option<Proposal> {
+    let r = A.ncols();
+    let bounds = || lo.iter().zip(hi).enumerate();
+    let sides: Vec<Side> = bounds()
+        .flat_map(|(row, (l, h))| {
+            let side = |sign: f64, bound: &f64| bound.is_finite().then_some(Side { row, sign });
+            [side(1.0, l), side(-1.0, h)].into_iter().flatten()
+        })
+        .collect();
+    // variables (t, s): -sign aᵀt - s ≤ -sign bound; -s ≤ 1
+    let rows = Mat::from_fn(sides.len() + 1, r + 1, |i, j| match (sides.get(i), j == r) {
+        (Some(side), false) => -side.sign * A[(side.row, j)],
+        (None, false) => 0.0,
+        (_, true) => -1.0,
+    });
+    let mut b: Vec<f64> = sides.iter().map(|s| if s.sign > 0.0 { -lo[s.row] } else { hi[s.row] }).collect();
+    b.push(1.0);
+    let mut cost = vec![0.0; r];
+    cost.push(1.0);
+    let cones = [NonnegativeConeT(sides.len() + 1)];
+    let sparse = dense_to_csc(rows.as_ref());
+    let mut solver =
+        DefaultSolver::new(&CscMatrix::zeros((r + 1, r + 1)), &cost, &sparse, &b, &cones, settings()).ok()?;
     solver.solve();
-    let iterations = solver.solution.iterations;
-    let status = match solver.solution.status {
-        SolverStatus::PrimalInfeasible | SolverStatus::AlmostPrimalInfeasible => Status::Infeasible,
-        SolverStatus::Solved => Status::Optimal,
-        SolverStatus::AlmostSolved => Status::AlmostOptimal,
-        _ => Status::Failed,
-    };
-    if status == Status::Infeasible {
-        return Solution { iterations, status, ..failed };
-    }
-    // Whatever the solver calls its last point: an active set near it that satisfies the optimality conditions
-    // gives the answer, to rounding.
-    if let Some(t) = on_active_set(A, &sides, &b, &solver.solution.z, &solver.solution.s) {
-        return Solution { t, status: Status::Optimal, iterations };
-    }
-    match status {
-        Status::Failed => Solution { iterations, ..failed },
-        _ => Solution { t: solver.solution.x.clone(), status, iterations },
-    }
+    Some(Proposal {
+        t: solver.solution.x[..r].to_vec(),
+        multipliers: sides.iter().zip(&solver.solution.z).map(|(side, z)| (*side, z.max(0.0))).collect(),
+        iterations: solver.solution.iterations,
+    })
 }
 
 /// min ‖ξ‖∞ subject to M ξ = d, M (n × m) given by columns: a primal and a dual point near the optimum, ξ (m) and y (n) of
@@ -128,77 +160,4 @@ fn settings() -> DefaultSettings<f64> {
         tol_feas: tol::SOLVER,
         ..DefaultSettings::default()
     }
-}
-
-/// The solver's rows: equalities first, as its cones want them.
-fn sides(lo: &[f64], hi: &[f64]) -> Vec<Side> {
-    let bounds = || lo.iter().zip(hi).enumerate();
-    let fixed = bounds().filter(|(_, (l, h))| l == h).map(|(row, _)| Side { row, sign: 1.0, fixed: true });
-    let open = bounds().filter(|(_, (l, h))| l != h).flat_map(|(row, (l, h))| {
-        let side = |sign: f64, bound: &f64| bound.is_finite().then_some(Side { row, sign, fixed: false });
-        [side(1.0, h), side(-1.0, l)].into_iter().flatten()
-    });
-    fixed.chain(open).collect()
-}
-
-/// The solver for these rows. None only if Clarabel rejects the data.
-fn prepare(A: MatRef<'_, f64>, sides: &[Side], b: &[f64]) -> Option<DefaultSolver<f64>> {
-    let (m, r) = (sides.len(), A.ncols());
-    let equalities = sides.iter().filter(|s| s.fixed).count();
-    let cones: Vec<SupportedConeT<f64>> = [ZeroConeT(equalities), NonnegativeConeT(m - equalities)].into();
-    let signed = Mat::from_fn(m, r, |i, j| sides[i].sign * A[(sides[i].row, j)]);
-    let dense = dense_to_csc(signed.as_ref());
-    DefaultSolver::new(&CscMatrix::identity(r), &vec![0.0; r], &dense, b, &cones, settings()).ok()
-}
-
-/// The exact minimiser, from the solver's last point.
-///
-/// Starting from the active set that multipliers z and slacks s suggest, rows that the least-norm point violates are
-/// added and rows with a multiplier of the wrong sign dropped, one at a time, until the point is optimal: every row
-/// satisfied and ν ≥ 0 on inequalities. None when that does not happen within a bounded number of changes.
-fn on_active_set(A: MatRef<'_, f64>, sides: &[Side], b: &[f64], z: &[f64], s: &[f64]) -> Option<Vec<f64>> {
-    let mut active: Vec<usize> = (0..sides.len()).filter(|&i| sides[i].fixed || z[i] > s[i]).collect();
-    for _ in 0..tol::ACTIVE_SET_CHANGES {
-        let (t, nu) = least_norm_point(A, sides, b, &active)?;
-        let excess = |i: usize| {
-            let e = sides[i].sign * (0..t.len()).map(|j| A[(sides[i].row, j)] * t[j]).sum::<f64>() - b[i];
-            if sides[i].fixed { e.abs() } else { e }
-        };
-        let worst = (0..sides.len()).map(|i| (i, excess(i))).max_by(|a, b| a.1.total_cmp(&b.1))?;
-        if worst.1 > tol::ACTIVE_SET {
-            if active.contains(&worst.0) {
-                return None; // dependent rows that contradict each other
-            }
-            active.push(worst.0);
-            continue;
-        }
-        let size = t.iter().map(|v| v * v).sum::<f64>().sqrt().max(1.0);
-        let free = (0..active.len()).filter(|&a| !sides[active[a]].fixed);
-        let moved = |a: usize| nu[a] * A.row(sides[active[a]].row).norm_l2();
-        match free.min_by(|&a, &b| moved(a).total_cmp(&moved(b))) {
-            Some(a) if moved(a) < -tol::WRONG_SIGN * size => active.remove(a),
-            _ => return Some(t),
-        };
-    }
-    None
-}
-
-/// t = A_a† b_a on the active rows A_a (outward signs), and multipliers ν with A_aᵀ ν = -t.
-fn least_norm_point(A: MatRef<'_, f64>, sides: &[Side], b: &[f64], active: &[usize]) -> Option<(Vec<f64>, Vec<f64>)> {
-    let r = A.ncols();
-    let mut t = vec![0.0; r];
-    let mut nu = vec![0.0; active.len()];
-    if active.is_empty() {
-        return Some((t, nu));
-    }
-    let A_a = Mat::from_fn(active.len(), r, |i, j| sides[active[i]].sign * A[(sides[active[i]].row, j)]);
-    let svd = A_a.thin_svd().ok()?;
-    let sigma = svd.S().column_vector();
-    let k = (0..sigma.nrows()).take_while(|&i| sigma[i] > tol::ACTIVE_SET * sigma[0]).count();
-    for i in 0..k {
-        let component: f64 = (0..active.len()).map(|a| svd.U()[(a, i)] * b[active[a]]).sum::<f64>() / sigma[i];
-        (0..r).for_each(|j| t[j] += component * svd.V()[(j, i)]);
-        (0..active.len()).for_each(|a| nu[a] -= component / sigma[i] * svd.U()[(a, i)]);
-    }
-    Some((t, nu))
 }

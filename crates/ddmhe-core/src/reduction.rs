@@ -52,6 +52,8 @@ pub(crate) struct Reduced {
     pub A: Mat<f64>,
     /// r × m p: z_c = K_c (y - c_y) of the window x_c(t) of the experiment IV-A1, if it is asked for.
     pub K_c: Option<Mat<f64>>,
+    /// r × q: orthonormal basis of the z that the cost does not see, if there are any and no weight on ‖α‖² decides.
+    pub unseen: Option<Mat<f64>>,
 }
 
 /// Factors the problem of one depth. `measured` (m·p, time-major) says which outputs exist; None: all of them.
@@ -96,7 +98,10 @@ pub(crate) fn reduce(
         true => Some(R * center_gain(space, &seen[n..], weights.mu(), |i| measured[i])?),
         false => None,
     };
-    Ok(Reduced { K, A: A_t.transpose().to_owned(), K_c })
+    // Q_F Q_Gᵀ = 0: the kernel of F alone reaches whatever G b is to be
+    let surplus = space.lambda == 0.0 && G.nrows() > 0;
+    let unseen = surplus.then(|| Q.subrows(F.nrows(), G.nrows()).transpose().to_owned());
+    Ok(Reduced { K, A: A_t.transpose().to_owned(), K_c, unseen })
 }
 
 /// Rows that single out the least-norm α among the minimisers when F does not determine b.

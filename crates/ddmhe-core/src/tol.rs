@@ -57,8 +57,15 @@ pub const DEPENDENT: (f64, f64) = (1e-10, 1e-6);
 /// Smallest change of a multiplier that can drive it to 0.
 pub const MULTIPLIER: f64 = 1e-12;
 
-/// Contradicting rows are reported as infeasible when they miss each other by this much, in standard deviations.
-pub const INFEASIBLE: f64 = 1e-7;
+/// Normals are parallel, or a combination of them vanishes, up to rounding: this much beside the sum of their multipliers. What
+/// is proved with such a combination is proved for rows that differ by so much.
+pub const PARALLEL: f64 = 1e-12;
+
+/// That there is no window within the bounds is proved for windows up to this many times as far away as these.
+pub const REACH: f64 = 1e6;
+
+/// How often z is moved back onto its active bounds where the distance to z* takes its digits.
+pub const REFINEMENTS: usize = 3;
 
 /// An active row whose multiplier u has the wrong sign is let pass if |u|, the most that t would move without that row, is below
 /// this, relative to t.
@@ -71,3 +78,32 @@ pub const MULTIPLIERS: f64 = 1e5;
 /// Smallest pivot of the Hessian without the missing outputs, relative to 1 with all of them, that is trusted: what is left has
 /// lost six of sixteen digits to cancellation. Below it the problem is factored anew.
 pub const DOWNDATE: f64 = 1e-6;
+
+/// An answer is called almost optimal if its bounds hold to the first, in standard deviations, and it is within the second of the
+/// minimiser, relative to the distance from z*.
+pub const ALMOST: (f64, f64) = (1e-6, 1e-4);
+
+/// Singular values of active normals below this, relative to the largest, count as 0: the first keeps whatever can be computed,
+/// the second leaves out what is close to rounding where bounds touch each other.
+pub const CUTS: [f64; 2] = [1e-12, 1e-8];
+
+/// The same where a point is moved back onto its bounds.
+pub const SETTLE: f64 = 1e-10;
+
+/// Beside a row's unit, this much of the size of z counts: a row that is summed from numbers of that size is known to 1e-15 of it.
+pub const SUMMED: f64 = 1e-6;
+
+/// Beside a row's unit, this much of the distance to z* counts while active rows are searched: a row is known to 1e-13 of that.
+pub const RELATIVE: f64 = 1e-4;
+
+/// δ of the proximal point method in `surplus`: the smaller, the fewer steps it takes and the fewer digits are left of what the
+/// cost sees.
+pub const PROXIMAL: f64 = 1e-3;
+
+/// Its most steps, and the change of its point, relative to it, at which it ends.
+pub const PROXIMAL_STEPS: usize = 200;
+/// See [`PROXIMAL_STEPS`].
+pub const PROXIMAL_CHANGE: f64 = 1e-11;
+
+/// Multipliers below this, relative to the largest, are an interior point's way of saying 0.
+pub const SUPPORT: f64 = 1e-7;

@@ -17,13 +17,15 @@
 //! *Missing outputs.* Without the rows J of the cost the Hessian is I - Σ A_kᵀ D_k A_k over the samples k with a missing entry, D_k
 //! what their weight loses: an r × r matrix, factored at the step instead of the whole problem.
 
-use crate::active_set::{Kept, Outcome, Problem, Rows, Side, Windows, solve_transposed};
+use crate::active_set::{Kept, Problem, Rows, Side, Trust, Windows, solve_transposed};
 use crate::config::Bounds;
 use crate::panels::{Panels, WIDTH, dot, each, halve, margin, padded, smaller, vectorised, weighted_square};
-use crate::qp::{self, Status};
+use crate::qp::Status;
 use crate::reduction::{Reduced, Shape, reduce};
 use crate::space::{Scaling, TrajectorySpace};
+use crate::surplus::Surplus;
 use crate::tol;
+use crate::way_out::decide;
 use crate::weights::Weights;
 use faer::linalg::solvers::SvdError;
 use faer::{Mat, MatRef};
@@ -77,6 +79,7 @@ pub(crate) struct WindowProblem {
     states: Panels,                     // w = c + A z: state rows …
     outputs: Panels,                    // … and output rows
     rows: Rows,                         // c and A again, by rows
+    surplus: Option<Surplus>,           // where the cost leaves a choice
     center: Option<(Vec<f64>, Panels)>, // z_c = z_c0 + K_c y
     x_lo: Vec<f64>,
     x_hi: Vec<f64>,
@@ -122,7 +125,7 @@ impl WindowProblem {
     ) -> Result<Self, SvdError> {
         let Shape { n, p, depth } = shape;
         let (s_x, s_y) = (scaling.s_x, scaling.s_y);
-        let Reduced { K, A, K_c } = reduce(shape, &space, weights, centered, measured)?;
+        let Reduced { K, A, K_c, unseen } = reduce(shape, &space, weights, centered, measured)?;
         let (x, y): (Vec<usize>, Vec<usize>) = (shape.states().collect(), shape.outputs().collect());
 
         // mean window as deviations from the channel means
@@ -160,6 +163,7 @@ impl WindowProblem {
             center: K_c.map(|K_c| (start(K_c.as_ref(), &c[n..]), Panels::new(K_c.as_ref()))),
             states: Panels::new(rows.subrows(0, first)),
             outputs: Panels::new(rows.subrows(first, len - first)),
+            surplus: None,
             rows: Rows::new(rows.as_ref(), offset, unit),
             x_lo: unbounded(f64::NEG_INFINITY),
             x_hi: unbounded(f64::INFINITY),
@@ -173,6 +177,7 @@ impl WindowProblem {
             shape,
             space,
         };
+        problem.surplus = unseen.map(|K| Surplus::new(&problem.rows, K));
         if let Some(bounds) = x_bounds {
             let (mut lo, mut hi) = (std::mem::take(&mut problem.x_lo), std::mem::take(&mut problem.x_hi));
             problem.add_box(bounds, &mut lo, &mut hi);
@@ -312,14 +317,11 @@ impl WindowProblem {
         if room >= -tol::FEASIBLE {
             return found(self.touched(s.window, lo, hi));
         }
-        let problem = Problem { rows: &self.rows, lo, hi, free, metric, windows: self };
-        let (status, iterations) = match problem.solve(kept, s.work, s.z, s.window) {
-            Outcome::Optimal(changes) => (Status::Optimal, changes),
-            Outcome::Infeasible(changes) => {
-                self.window(&free[..rank], s.window);
-                (Status::Infeasible, changes)
-            }
-            Outcome::Uncertain => self.interior_point(&problem, s.z, s.window),
+        let problem = Problem { rows: &self.rows, lo, hi, free, metric, windows: self, trust: Trust::CERTAIN };
+        let (status, iterations) = match &self.surplus {
+            None => decide(&problem, (kept, s.work), s.z, s.window),
+            Some(_) if changed => return None, // its two stages are those of the full Hessian
+            Some(surplus) => surplus.solve(&problem, (kept, s.work), s.z, s.window),
         };
         if data.missing {
             kept.forget_factor(); // of this Hessian, or of the problem made for this window
@@ -457,32 +459,6 @@ impl WindowProblem {
         }
         solve_transposed(L, z, stride);
         Some(true)
-    }
-
-    /// Clarabel, where the active-set method is not certain.
-    #[cold]
-    fn interior_point(&self, problem: &Problem<'_, Self>, z: &mut [f64], window: &mut [f64]) -> (Status, u32) {
-        let r = self.rank();
-        self.window(&problem.free[..r], window);
-        let bounded: Vec<usize> =
-            (0..self.rows.len()).filter(|&i| problem.lo[i].is_finite() || problem.hi[i].is_finite()).collect();
-        let mut A =
-            Mat::from_fn(r, bounded.len(), |j, i| self.rows.entry(bounded[i], j) / self.rows.unit()[bounded[i]]);
-        let stride = r.next_multiple_of(4);
-        if let Some(L) = problem.metric {
-            // A L⁻ᵀ: the Hessian becomes the identity
-            Mat::from_fn(r, r, |i, j| L[i * stride + j]).solve_lower_triangular_in_place(A.as_mut());
-        }
-        let distance =
-            |bounds: &[f64]| bounded.iter().map(|&i| (bounds[i] - window[i]) / self.rows.unit()[i]).collect();
-        let (lo, hi): (Vec<f64>, Vec<f64>) = (distance(problem.lo), distance(problem.hi));
-        let mut solution = qp::interior_point(A.transpose(), &lo, &hi);
-        if let Some(L) = problem.metric {
-            solve_transposed(L, &mut solution.t, stride);
-        }
-        (0..r).for_each(|i| z[i] = problem.free[i] + solution.t[i]);
-        self.window(&z[..r], window);
-        (solution.status, solution.iterations)
     }
 }
 
