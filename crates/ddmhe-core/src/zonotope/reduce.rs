@@ -4,7 +4,7 @@ use super::{diagonal, inflation, map, row_sums};
 use faer::{Mat, Side};
 use std::borrow::Cow;
 
-/// How [`Zonotope::reduce`] encloses a zonotope by one of fewer generators.
+/// How [`Zonotope::reduce`](super::Zonotope::reduce) encloses a zonotope by one of fewer generators.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Reduction {
     /// ↓q of the interval paper's appendix, with the absolute values that it lacks in print: the q - n longest generators
