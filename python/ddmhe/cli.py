@@ -19,6 +19,8 @@ from ddmhe import report
 from ddmhe._core import DdMhe, DdmheError
 from ddmhe._core import Log as Estimates
 from ddmhe.config import READING, read_config, space_from_text, write_config
+from ddmhe.files import write as write_file
+from ddmhe.files import write_text
 from ddmhe.logs import Log, Split, read_log
 from ddmhe.oddities import far_out, turn
 
@@ -289,7 +291,7 @@ def tune(log: Path, out: Path, output_noise: float | None, rest: bool, **given: 
     out.mkdir(parents=True, exist_ok=True)
     written = [out / name for name in ("tune.toml", "tune.csv", "tune.png")]
     write_config(written[0], found.settings)
-    found.table.to_csv(written[1], index=False)
+    write_file(written[1], lambda beside: found.table.to_csv(beside, index=False))
     report.save_figure(tuning_figure(found.table), written[2])
     console = Console()
     console.print(report.scores(f"Settings for {log.name}, the ten best of {len(found.table)}", found.table.head(10)))
@@ -453,7 +455,7 @@ def reproduce(name: str, out: Path, data: Path | None) -> None:
             console.print(*result.printed, "")
     if claims:
         written.append(out / "tables.md")
-        written[-1].write_text(report.markdown("The tables of `ddmhe reproduce`", printed), encoding="utf-8")
+        write_text(written[-1], report.markdown("The tables of `ddmhe reproduce`", printed))
         written.append(out / "claims.md")
         write_claims(written[-1], claims)
         console.print(report.verdicts(claims))

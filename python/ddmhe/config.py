@@ -28,6 +28,7 @@ import numpy as np
 import tomli_w
 
 from ddmhe._core import DdmheError, Exact, Ridge, Truncated
+from ddmhe.files import write_text
 
 if TYPE_CHECKING:
     from ddmhe.design.certificate import Certificate
@@ -69,7 +70,7 @@ def read_config(path: str | Path) -> dict[str, Any]:
 
 def write_config(path: str | Path, settings: Mapping[str, Any]) -> None:
     """Keywords of DdMhe as a file that `read_config` reads back: arrays as lists, spaces and certificates as tables."""
-    Path(path).write_text(tomli_w.dumps({key: _plain(value) for key, value in settings.items()}), encoding="utf-8")
+    write_text(path, tomli_w.dumps({key: _plain(value) for key, value in settings.items()}))
 
 
 def _plain(value: Any) -> Any:

@@ -18,7 +18,8 @@ from typing import Any, ClassVar, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ddmhe._core import DdmheError, NotFiniteError, ShapeError
+from ddmhe._core import DdmheError, ShapeError, numbers
+from ddmhe.arguments import check_finite, check_number, check_whole, choice
 
 Array = NDArray[np.float64]
 
@@ -37,6 +38,10 @@ class Recording:
     """Measured output (N+1, p), noise included."""
     x_recorded: Array
     """State as its sensor reads it (N+1, n): equal to x unless the model has a sensor that rounds."""
+
+
+MOST_STEPS = 100_000_000
+"""Simulated steps that may fit into memory."""
 
 
 class _Model:
@@ -90,10 +95,9 @@ class _Model:
             motion that leaves all bounds (Euler with too large a dt).
         """
         steps = _steps(duration, dt)
-        if not (math.isfinite(noise) and noise >= 0):
-            raise DdmheError(f"noise: expected a finite number of at least 0, found {noise}")
-        if integrator not in _INTEGRATORS:
-            raise DdmheError(f"integrator: expected one of {', '.join(_INTEGRATORS)}, found {integrator!r}")
+        check_number("noise", noise, "a finite number of at least 0", lambda size: size >= 0)
+        check_whole("seed", seed, 0)
+        choice("integrator", integrator, _INTEGRATORS)
         t: Array = dt * np.arange(steps + 1, dtype=np.float64)
         w = None if disturbance is None else _shaped("disturbance", disturbance, (steps, self.initial_state.size))
         x = _INTEGRATORS[integrator](self, t, dt, w)
@@ -190,7 +194,7 @@ class TorqueCurve:
         """Read columns ``slip_speed_rpm`` and ``torque_N_m`` (rpm, N·m); DdmheError if the file does not hold them."""
         try:
             table = np.genfromtxt(path, delimiter=",", names=True, encoding="utf-8")
-        except (OSError, ValueError) as e:
+        except (OSError, ValueError, TypeError) as e:
             reason = " ".join(str(e).split())
             raise DdmheError(f"path: expected a readable CSV file, found {str(path)!r} ({reason})") from e
         missing = [c for c in ("slip_speed_rpm", "torque_N_m") if c not in (table.dtype.names or ())]
@@ -244,8 +248,8 @@ class SpinDown(_Model):
         for name in ("omega_0", "torque_bias"):
             _scalar(self, name)
         counts = self.encoder_counts
-        if counts is not None and (isinstance(counts, bool) or not isinstance(counts, int | np.integer) or counts < 1):
-            raise DdmheError(f"encoder_counts: expected a whole number of at least 1 or None, found {counts!r}")
+        if counts is not None:
+            check_whole("encoder_counts", counts)
         curve = self.torque_curve
         if curve is not None and not isinstance(curve, TorqueCurve):
             raise DdmheError(f"torque_curve: expected a TorqueCurve or None, found {type(curve).__name__}")
@@ -348,10 +352,10 @@ def _build(model: type[_M], overrides: dict[str, Any]) -> _M:
 
 
 def _steps(duration: float, dt: float) -> int:
-    if not (math.isfinite(dt) and dt > 0):
-        raise DdmheError(f"dt: expected a positive number of seconds, found {dt}")
-    if not (math.isfinite(duration) and duration > 0):
-        raise DdmheError(f"duration: expected a positive number of seconds, found {duration}")
+    for name, value in (("dt", dt), ("duration", duration)):
+        check_number(name, value, "a positive number of seconds", lambda seconds: seconds > 0)
+    if not duration / dt <= MOST_STEPS:
+        raise DdmheError(f"duration: expected at most {MOST_STEPS} steps of dt = {dt} s, found {duration} s")
     steps = round(duration / dt)
     if abs(steps * dt - duration) > 1e-9 * duration:
         raise DdmheError(f"duration: expected a multiple of dt = {dt} s, found {duration} s")
@@ -389,13 +393,9 @@ _INTEGRATORS = {"euler": _euler, "accurate": _accurate}
 
 
 def _numbers(name: str, value: ArrayLike) -> Array:
-    try:
-        array = np.array(value, dtype=np.float64)
-    except (TypeError, ValueError) as e:
-        raise ShapeError(f"{name}: expected an array of real numbers, found {type(value).__name__}") from e
-    if not np.isfinite(array).all():
-        raise NotFiniteError(f"{name}: expected finite numbers, found NaN or infinity")
-    return array
+    found = numbers(name, value)
+    check_finite(name, found)
+    return found
 
 
 def _shaped(name: str, value: ArrayLike, shape: tuple[int, ...]) -> Array:

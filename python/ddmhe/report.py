@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from rich.table import Table
 
 from ddmhe._core import DdMhe, History
+from ddmhe.files import write
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -178,9 +179,9 @@ def write_estimates(path: Path, time: str, t: Array, names: Sequence[str], x_hat
     """A CSV with the time column and one column per state, full precision."""
     frame = pd.DataFrame(x_hat, columns=list(names))
     frame.insert(0, time, t)
-    frame.to_csv(path, index=False)
+    write(path, lambda beside: frame.to_csv(beside, index=False))
 
 
 def save_figure(figure: Figure, path: Path) -> None:
     """Write a figure; the ending of `path` names the format."""
-    figure.savefig(path, dpi=150)
+    write(path, lambda beside: figure.savefig(beside, dpi=150))

@@ -220,10 +220,80 @@ def test_step_run_reset_and_lacking_outputs(name):
         (lambda h: RidgeFir(h, length=200), "history: expected at least"),
         (lambda h: RidgeFir(h, weight=-1.0), "weight: expected"),
         (lambda h: Oracle(ddmhe.models.pendulum(), 0.1, [0.0, 0.0], 0.1, kind="x"), "kind: expected"),
-        (lambda h: RidgeFir(ddmhe.History.concat([h, h])), "history: expected one recording"),
     ],
 )
 def test_wrong_arguments_are_one_clear_error(make, words):
     history, _, _, _ = linear_case()
     with pytest.raises(ddmhe.DdmheError, match=words):
         make(history)
+
+
+def _pieces(noise):
+    """Two recordings of one linear system from far-apart starts, and what follows the second."""
+    rng = np.random.default_rng(5)
+    A, C = np.array([[0.95, 0.2], [-0.2, 0.95]]), np.array([[1.0, 0.3]])
+    pieces = []
+    for start, steps in (([3.0, -1.0], 60), ([-40.0, 25.0], 300)):
+        x = [np.array(start)]
+        for _ in range(steps):
+            x.append(A @ x[-1])
+        x = np.array(x)
+        pieces.append((x, x[:-1] @ C.T + noise * rng.standard_normal((steps, 1))))
+    (x_1, y_1), (x_2, y_2) = pieces
+    both = ddmhe.History.concat([ddmhe.History(x_1, y_1), ddmhe.History(x_2[:61], y_2[:60])])
+    return both, y_2[60:], x_2[61:], (A, C)
+
+
+@pytest.mark.parametrize(
+    "make",
+    [
+        ErrorStateKalman,
+        lambda h: ErrorStateKalman(h, affine=False),
+        lambda h: ArxKalman(h, 2),
+        lambda h: RidgeFir(h, 6),
+        lambda h: KoopmanMhe(h, 20, 0.95, 1e2, cut=1e-6),
+    ],
+    ids=["eskf", "eskf-linear", "arx", "fir", "koopman"],
+)
+def test_no_row_crosses_the_seam_of_joined_recordings(make):
+    """Noise-free: one row across the seam, a jump of 40, would spoil a fit that is exact otherwise."""
+    history, Y, truth, _ = _pieces(0.0)
+    error = make(history).run(Y).x - truth
+    assert np.abs(error[20:]).max() < 2e-3 * np.abs(truth).max()
+
+
+def test_the_models_of_joined_recordings_are_exact():
+    from ddmhe import design
+
+    history, _, _, (A, C) = _pieces(0.0)
+    model = design.identify(history)
+    np.testing.assert_allclose(model.A, A, atol=1e-9)
+    np.testing.assert_allclose(model.C, C, atol=1e-9)
+    assert design.pole_placement(history).rank == 2
+    assert "quarter" in str(list(ddmhe.tune(history, progress=False).table.columns))
+
+
+def test_a_last_recording_shorter_than_the_window():
+    history, _, _, _ = _pieces(0.0)
+    (x, y), _ = history.recordings
+    short = ddmhe.History.concat([ddmhe.History(x, y), ddmhe.History(x[:3], y[:2])])
+    assert np.isfinite(RidgeFir(short, 6).run(y).x).all()
+    assert np.isfinite(ArxKalman(short).run(y).x).all()
+    with pytest.raises(ddmhe.RankError, match="history: expected more than 6 samples, also in the last"):
+        ArxKalman(short, 5)
+
+
+def test_what_is_masked_or_none_is_not_measured():
+    history, Y, _, _ = _pieces(0.01)
+    Y = Y[:40].copy()
+    Y[[3, 7, 8]] = np.nan
+    masked = np.ma.array(np.where(np.isnan(Y), -9999.0, Y), mask=np.isnan(Y))
+    objects = np.where(np.isnan(Y), None, Y.astype(object))
+    for make in (ErrorStateKalman, ArxKalman, RidgeFir):
+        expected = make(history).run(Y).x
+        for given in (masked, objects, objects.tolist()):
+            np.testing.assert_array_equal(make(history).run(given).x, expected)
+        each = make(history)
+        np.testing.assert_array_equal([each.step(y).x for y in masked], expected)
+        with pytest.raises(ddmhe.NotFiniteError, match=r"x_prior: .* missing \(masked, None or NA\) at entry 1"):
+            make(history).reset([1.0, None])

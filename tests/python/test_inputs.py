@@ -1,6 +1,7 @@
 """Wrong inputs: one clear error each, naming the argument, what was expected and what came."""
 
 import numpy as np
+import pandas as pd
 import pytest
 
 import ddmhe
@@ -124,3 +125,70 @@ def test_lists_integers_and_other_layouts_are_welcome():
     assert np.array_equal(as_fortran.step(np.vstack([sample, sample]).T[:, 0]).x, expected)
     single = DdMhe(History(np.arange(9.0)[:, None] ** 2, np.arange(8)[:, None]), 2, space=Truncated(1))
     assert single.step(3).x.shape == (1,)
+
+
+def _hollow(array, holes):
+    """One array with entries that say "not measured", in the ways of Python's world; -9999 lies under each mask."""
+    masked = np.ma.array(array, copy=True)
+    masked[holes] = -9999.0
+    masked[holes] = np.ma.masked
+    none, na = array.astype(object), array.astype(object)
+    none[holes], na[holes] = None, pd.NA
+    return {
+        "masked": masked,
+        "list of masked rows": list(masked),
+        "None": none,
+        "lists with None": none.tolist(),
+        "NA": na,
+        "nullable frame": pd.DataFrame(na).astype("Float64"),
+    }
+
+
+@pytest.mark.parametrize("kind", _hollow(Y, (slice(3, 5), 1)))
+def test_outputs_that_are_masked_none_or_na_are_not_measured(kind):
+    holes = ([3, 4, 9], [1, 1, 0])
+    blank = Y.copy()
+    blank[holes] = np.nan
+    given = _hollow(Y, holes)[kind]
+    expected = DdMhe(H, 5).run(blank).x
+    np.testing.assert_array_equal(DdMhe(H, 5).run(given).x, expected)
+    rows = given.to_numpy() if isinstance(given, pd.DataFrame) else given
+    estimator = DdMhe(H, 5)
+    np.testing.assert_array_equal([estimator.step(row).x for row in rows], expected)
+    np.testing.assert_array_equal(ddmhe.run_many([DdMhe(H, 5)], [given])[0].x, expected)
+    column = given.iloc[3] if isinstance(given, pd.DataFrame) else rows[3]
+    assert np.isnan(DdMhe(H, 5).step(column).v[0, 1])
+
+
+def test_a_missing_scalar_is_no_measurement_either():
+    h = History(X[:, :1], Y[:, :1])
+    expected = DdMhe(h, 5).step([np.nan]).x
+    for given in (None, np.ma.masked, pd.NA, [None], np.ma.array([1.0], mask=[True])):
+        np.testing.assert_array_equal(DdMhe(h, 5).step(given).x, expected)
+
+
+@pytest.mark.parametrize("kind", _hollow(Y, ([4], [1])))
+def test_what_must_be_known_must_not_be_missing(kind):
+    for name, call in (
+        ("x", lambda: History(_hollow(X, ([4], [1]))[kind], Y)),
+        ("y", lambda: History(X, _hollow(Y, ([4], [1]))[kind])),
+    ):
+        with pytest.raises(NotFiniteError, match=rf"^{name}: .* missing \(masked, None or NA\) in row 4, column 1$"):
+            call()
+
+
+def test_bounds_and_priors_must_not_be_missing():
+    three = np.ma.array([1.0, -9999.0, 1.0], mask=[False, True, False])
+    for name, call in (
+        ("x_prior", lambda: DdMhe(H, 5, x_prior=three)),
+        ("x_prior", lambda: DdMhe(H, 5).reset([0.0, None, 0.0])),
+        ("x_bounds", lambda: DdMhe(H, 5, x_bounds=(-5.0, three))),
+        ("x_bounds", lambda: DdMhe(H, 5).step([0, 0], x_bounds=(three, 5.0))),
+        ("v_bounds", lambda: DdMhe(H, 5, v_bounds=(None, 1.0))),
+        ("equilibrium", lambda: DdMhe(H, 5, equilibrium=(three, [0.0, 0.0]))),
+        ("center", lambda: ddmhe.Zonotope(three, np.eye(3))),
+        ("A", lambda: ddmhe.design.ioss(A=[[pd.NA]], C=[[1.0]])),
+        ("omega_0", lambda: ddmhe.models.detumbling(omega_0=three)),
+    ):
+        with pytest.raises(NotFiniteError, match=rf"^{name}: .* missing \(masked, None or NA\)"):
+            call()

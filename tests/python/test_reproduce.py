@@ -164,3 +164,34 @@ def test_the_interval_paper_has_its_verdicts(tmp_path):
     assert verdicts["The state stays within its bounds"] == "**holds**"
     assert len(verdicts) == 9
     assert "| peak-to-peak ball (44) | 0.58" in (tmp_path / "tables.md").read_text(encoding="utf-8")
+
+
+class _Raising:
+    def __init__(self, error):
+        self.error = error
+
+    def run(self, Y):
+        raise self.error
+
+
+def test_only_numbers_out_of_bounds_count_as_diverged():
+    """A wrong shape, a wrong argument or a fault of the code is an error, not an estimator that diverged."""
+    from ddmhe.baselines import ErrorStateKalman
+    from ddmhe.reproduce.montecarlo import estimates
+
+    rng = np.random.default_rng(0)
+    history, Y = ddmhe.History(rng.standard_normal((41, 2)), rng.standard_normal((40, 1))), np.zeros((9, 1))
+    wild = ErrorStateKalman(history, Q=1.0, R=1e300)
+    wild.A *= 1e90
+    found = estimates({"wild": lambda: wild, "lost": lambda: _Raising(np.linalg.LinAlgError("singular"))}, Y, 2)
+    assert np.isnan(found["wild"][-1]).all()
+    assert np.isnan(found["lost"]).all()
+    for make, kind in (
+        (lambda: ddmhe.DdMhe(history, horizon=0), ddmhe.DdmheError),
+        (lambda: _Raising(ValueError("operands could not be broadcast together")), ValueError),
+        (lambda: _Raising(ddmhe.ShapeError("Y: expected 2 columns")), ddmhe.ShapeError),
+        (lambda: ErrorStateKalman(ddmhe.History(rng.standard_normal((41, 2)), np.zeros((40, 3)))), ddmhe.ShapeError),
+        (lambda: ErrorStateKalman(ddmhe.History(rng.standard_normal((41, 3)), np.zeros((40, 1)))), ddmhe.ShapeError),
+    ):
+        with pytest.raises(kind):
+            estimates({"wrong": make}, Y, 2)

@@ -1,6 +1,6 @@
 //! Certificates and disturbance sizes from Python: any object with the attributes of `ddmhe.design.Certificate`.
 
-use crate::convert::{DdmheError, Numbers, ShapeError, raise};
+use crate::convert::{DdmheError, Numbers, ShapeError, number, raise};
 use ddmhe_core::{Certificate, Disturbance, Model, Uncertainty};
 use pyo3::prelude::*;
 
@@ -54,8 +54,8 @@ fn matrix(value: &Bound<'_, PyAny>, rows: usize, columns: usize) -> PyResult<Vec
 
 /// Smallest M with 4 rho**M < 1 (Liu et al. 2026, (33)); DdmheError unless rho is in (0, 1).
 #[pyfunction]
-pub fn minimum_horizon(rho: f64) -> PyResult<usize> {
-    ddmhe_core::minimum_horizon(rho).map_err(raise)
+pub fn minimum_horizon(rho: &Bound<'_, PyAny>) -> PyResult<usize> {
+    ddmhe_core::minimum_horizon(number("rho", rho)?).map_err(raise)
 }
 
 /// (initial, w, v).

@@ -8,7 +8,7 @@ use numpy::{
 use pyo3::create_exception;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
-use pyo3::types::PyDict;
+use pyo3::types::{PyDict, PyList, PyListMethods, PyString, PyTuple};
 
 create_exception!(ddmhe, DdmheError, PyValueError, "Base of all errors of this package: an input was wrong.");
 create_exception!(ddmhe, ShapeError, DdmheError, "An array has the wrong shape.");
@@ -33,56 +33,156 @@ pub fn raise(error: Error) -> PyErr {
 pub struct Numbers {
     pub shape: Vec<usize>,
     pub data: Vec<f64>,
+    /// The first entry that says "not measured" (masked, None, pandas.NA); such entries are NaN.
+    missing: Option<usize>,
 }
 
 impl Numbers {
-    /// Whatever `numpy.asarray(value, dtype=float)` understands; anything else is an error that names the argument.
-    pub fn from(argument: &'static str, value: &Bound<'_, PyAny>) -> PyResult<Self> {
+    /// Whatever `numpy.asarray(value, dtype=float)` understands, without missing entries; anything else is an error
+    /// that names the argument.
+    pub fn from(argument: &str, value: &Bound<'_, PyAny>) -> PyResult<Self> {
+        let numbers = Numbers::measured(argument, value)?;
+        let Some(entry) = numbers.missing else { return Ok(numbers) };
+        let place = match numbers.shape[..] {
+            [] => String::new(),
+            [_] => format!(" at entry {entry}"),
+            [_, columns] => format!(" in row {}, column {}", entry / columns, entry % columns),
+            _ => format!(" at entry {entry} in C order"),
+        };
+        Err(NotFiniteError::new_err(format!(
+            "{argument}: expected finite numbers, found one that is missing (masked, None or NA){place}"
+        )))
+    }
+
+    /// As [`from`](Self::from), with NaN for entries that are masked, None or pandas.NA: not measured.
+    pub fn measured(argument: &str, value: &Bound<'_, PyAny>) -> PyResult<Self> {
         let py = value.py();
-        let numpy = py.import("numpy")?;
+        let wrong = |found: String| not_real(argument, &found);
+        let (plain, mask) = without_mask(value).map_err(|e| wrong(one_line(&e.value(py).to_string())))?;
+        let kind: String = plain.getattr("dtype")?.getattr("kind")?.extract()?;
+        if kind == "O" {
+            return Numbers::of_objects(argument, &plain, mask.as_ref());
+        }
+        if !["f", "i", "u", "b"].contains(&kind.as_str()) {
+            let text = value.cast::<PyString>().is_ok();
+            return Err(wrong(if text { "str".into() } else { format!("one of type {}", plain.getattr("dtype")?) }));
+        }
         let options = PyDict::new(py);
         options.set_item("dtype", "float64")?;
         options.set_item("order", "C")?;
-        let kind_of = |a: &Bound<'_, PyAny>| {
-            a.getattr("dtype").and_then(|d| d.getattr("kind")).and_then(|k| k.extract::<String>())
-        };
-        let wrong = |found: String| {
-            ShapeError::new_err(format!("{argument}: expected an array of real numbers, found {found}"))
-        };
-        let plain = numpy.call_method1("asarray", (value,)).map_err(|e| wrong(e.value(py).to_string()))?;
-        if !["f", "i", "u", "b"].contains(&kind_of(&plain)?.as_str()) {
-            return Err(wrong(format!("one of type {}", plain.getattr("dtype")?)));
-        }
-        let array = numpy.call_method("asarray", (plain,), Some(&options))?;
+        let array = py.import("numpy")?.call_method("asarray", (plain,), Some(&options))?;
         let array = array.cast::<PyArrayDyn<f64>>().map_err(|_| wrong("something else".into()))?.try_readonly()?;
-        let data = array.as_slice().map_err(|_| wrong("a non-contiguous array".into()))?.to_vec();
-        Ok(Numbers { shape: array.shape().to_vec(), data })
+        let mut data = array.as_slice().map_err(|_| wrong("a non-contiguous array".into()))?.to_vec();
+        let mut missing = None;
+        for (k, (entry, _)) in data.iter_mut().zip(mask.unwrap_or_default()).enumerate().filter(|(_, (_, m))| *m) {
+            *entry = f64::NAN;
+            missing = missing.or(Some(k));
+        }
+        Ok(Numbers { shape: array.shape().to_vec(), data, missing })
+    }
+
+    /// The numbers of an array of Python objects.
+    fn of_objects(argument: &str, array: &Bound<'_, PyAny>, mask: Option<&Vec<bool>>) -> PyResult<Self> {
+        let shape: Vec<usize> = array.getattr("shape")?.extract()?;
+        let (mut data, mut missing) = (Vec::new(), None);
+        for (k, item) in array.getattr("flat")?.try_iter()?.enumerate() {
+            let item = item?;
+            if mask.is_some_and(|mask| mask[k]) || is_missing(&item)? {
+                missing = missing.or(Some(k));
+                data.push(f64::NAN);
+            } else if item.cast::<PyString>().is_err()
+                && let Ok(number) = item.extract::<f64>()
+            {
+                data.push(number);
+            } else {
+                return Err(not_real(argument, &shown(&item)));
+            }
+        }
+        Ok(Numbers { shape, data, missing })
     }
 
     /// As [`from`](Self::from), two-dimensional; `shape` is how the expectation reads.
-    pub fn matrix(argument: &'static str, value: &Bound<'_, PyAny>, shape: &str) -> PyResult<(Vec<f64>, usize, usize)> {
-        let numbers = Numbers::from(argument, value)?;
-        match numbers.shape[..] {
-            [rows, columns] => Ok((numbers.data, rows, columns)),
+    pub fn matrix(argument: &str, value: &Bound<'_, PyAny>, shape: &str) -> PyResult<(Vec<f64>, usize, usize)> {
+        Numbers::from(argument, value)?.into_matrix(argument, shape)
+    }
+
+    /// As [`from`](Self::from), one-dimensional of length `len`; a scalar does where len is 1.
+    pub fn vector(argument: &str, value: &Bound<'_, PyAny>, len: usize) -> PyResult<Vec<f64>> {
+        Numbers::from(argument, value)?.into_vector(argument, len)
+    }
+
+    /// The numbers, rows and columns of a two-dimensional array.
+    pub fn into_matrix(self, argument: &str, shape: &str) -> PyResult<(Vec<f64>, usize, usize)> {
+        match self.shape[..] {
+            [rows, columns] => Ok((self.data, rows, columns)),
             _ => Err(ShapeError::new_err(format!(
                 "{argument}: expected a 2-D array {shape}, found {}",
-                described(&numbers.shape)
+                described(&self.shape)
             ))),
         }
     }
 
-    /// As [`from`](Self::from), one-dimensional of length `len`; a scalar does where len is 1.
-    pub fn vector(argument: &'static str, value: &Bound<'_, PyAny>, len: usize) -> PyResult<Vec<f64>> {
-        let numbers = Numbers::from(argument, value)?;
-        match numbers.shape[..] {
-            [l] if l == len => Ok(numbers.data),
-            [] if len == 1 => Ok(numbers.data),
+    /// The numbers of a one-dimensional array of length `len`; a scalar does where len is 1.
+    pub fn into_vector(self, argument: &str, len: usize) -> PyResult<Vec<f64>> {
+        match self.shape[..] {
+            [l] if l == len => Ok(self.data),
+            [] if len == 1 => Ok(self.data),
+            [] if self.missing.is_some() => Err(not_real(argument, "None or another that is missing")),
             _ => Err(ShapeError::new_err(format!(
                 "{argument}: expected {len} numbers, found {}",
-                described(&numbers.shape)
+                described(&self.shape)
             ))),
         }
     }
+}
+
+fn not_real(argument: &str, found: &str) -> PyErr {
+    ShapeError::new_err(format!("{argument}: expected an array of real numbers, found {found}"))
+}
+
+/// A NumPy array of what was given, and which of its entries are masked, in C order.
+///
+/// In a list, too: `numpy.asarray` would take what lies under the masks of its items.
+fn without_mask<'py>(value: &Bound<'py, PyAny>) -> PyResult<(Bound<'py, PyAny>, Option<Vec<bool>>)> {
+    let py = value.py();
+    let (numpy, ma) = (py.import("numpy")?, py.import("numpy.ma")?);
+    let masked = ma.getattr("MaskedArray")?;
+    let mut value = value.clone();
+    let list = value.cast::<PyList>().map(PyListMethods::to_tuple);
+    if let Ok(items) = list.or_else(|_| value.cast::<PyTuple>().cloned()) {
+        let any = items.iter().map(|item| item.is_instance(&masked)).collect::<PyResult<Vec<_>>>()?;
+        if any.contains(&true) {
+            value = ma.call_method1("stack", (items,))?;
+        }
+    }
+    if !value.is_instance(&masked)? {
+        return Ok((numpy.call_method1("asarray", (value,))?, None));
+    }
+    let mask = ma.call_method1("getmaskarray", (&value,))?.call_method0("ravel")?.call_method0("tolist")?;
+    Ok((ma.call_method1("getdata", (value,))?, Some(mask.extract()?)))
+}
+
+/// None, numpy.ma.masked and pandas.NA, which is told by the name of its type: pandas need not be there.
+fn is_missing(item: &Bound<'_, PyAny>) -> PyResult<bool> {
+    let name = item.get_type().name()?;
+    Ok(item.is_none() || ["NAType", "MaskedConstant"].iter().any(|other| name == *other))
+}
+
+/// What was given, short and in one line.
+fn shown(value: &Bound<'_, PyAny>) -> String {
+    let text = value.repr().map_or_else(|_| "one that cannot be printed".into(), |text| text.to_string());
+    let text = one_line(&text);
+    if text.chars().count() <= LONGEST {
+        return text;
+    }
+    format!("{}… (a {})", text.chars().take(LONGEST).collect::<String>(), value.get_type())
+}
+
+/// Characters of what was given that a message shows.
+const LONGEST: usize = 60;
+
+fn one_line(text: &str) -> String {
+    text.split_whitespace().collect::<Vec<_>>().join(" ")
 }
 
 fn described(shape: &[usize]) -> String {
@@ -93,17 +193,22 @@ fn described(shape: &[usize]) -> String {
     }
 }
 
+/// The two items of a sequence, which has an order.
+pub fn pair<'py>(argument: &str, expected: &str, value: &Bound<'py, PyAny>) -> PyResult<[Bound<'py, PyAny>; 2]> {
+    let wrong = |found: String| ShapeError::new_err(format!("{argument}: expected {expected}, found {found}"));
+    if value.cast::<PyString>().is_ok() || value.len().is_err() || value.get_item(0).is_err() {
+        return Err(wrong(shown(value)));
+    }
+    let items = value.len()?;
+    if items != 2 {
+        return Err(wrong(format!("{items} items")));
+    }
+    Ok([value.get_item(0)?, value.get_item(1)?])
+}
+
 /// (lo, hi) with each side a scalar or `width` numbers, or for `depth` given a (depth+1, width) array.
-pub fn bounds(
-    argument: &'static str,
-    value: &Bound<'_, PyAny>,
-    width: usize,
-    depth: Option<usize>,
-) -> PyResult<Bounds> {
-    let pair = |found: String| ShapeError::new_err(format!("{argument}: expected a pair (lo, hi), found {found}"));
-    let sides: Vec<Bound<'_, PyAny>> =
-        value.try_iter().map_err(|_| pair(value.get_type().to_string()))?.collect::<PyResult<_>>()?;
-    let [lo, hi] = &sides[..] else { return Err(pair(format!("{} items", sides.len()))) };
+pub fn bounds(argument: &str, value: &Bound<'_, PyAny>, width: usize, depth: Option<usize>) -> PyResult<Bounds> {
+    let [lo, hi] = &pair(argument, "a pair (lo, hi)", value)?;
     let side = |value: &Bound<'_, PyAny>| -> PyResult<Vec<f64>> {
         let numbers = Numbers::from(argument, value)?;
         let whole = depth.map(|m| (m + 1) * width);
@@ -157,8 +262,60 @@ pub fn writable<'py, D: Dimension>(
 }
 
 /// A whole number of at least 1.
-pub fn whole(argument: &'static str, value: &Bound<'_, PyAny>) -> PyResult<usize> {
-    let wrong = || DdmheError::new_err(format!("{argument}: expected a whole number of at least 1, found {value}"));
+pub fn whole(argument: &str, value: &Bound<'_, PyAny>) -> PyResult<usize> {
+    whole_from(1, argument, value)
+}
+
+/// A whole number of at least `least`; True and False are none.
+pub fn whole_from(least: usize, argument: &str, value: &Bound<'_, PyAny>) -> PyResult<usize> {
+    let wrong = || {
+        DdmheError::new_err(format!("{argument}: expected a whole number of at least {least}, found {}", shown(value)))
+    };
+    if is_bool(value)? {
+        return Err(wrong());
+    }
     let number: i64 = value.extract().map_err(|_| wrong())?;
-    usize::try_from(number).ok().filter(|&m| m > 0).ok_or_else(wrong)
+    usize::try_from(number).ok().filter(|&m| m >= least).ok_or_else(wrong)
+}
+
+/// A real number, which may be infinite or NaN; True, False and texts are none.
+pub fn number(argument: &str, value: &Bound<'_, PyAny>) -> PyResult<f64> {
+    let wrong = || DdmheError::new_err(format!("{argument}: expected a real number, found {}", shown(value)));
+    if is_bool(value)? || is_missing(value)? {
+        return Err(wrong());
+    }
+    value.extract().map_err(|_| wrong())
+}
+
+/// True or False.
+pub fn flag(argument: &str, value: &Bound<'_, PyAny>) -> PyResult<bool> {
+    let wrong = || DdmheError::new_err(format!("{argument}: expected True or False, found {}", shown(value)));
+    value.extract().map_err(|_| wrong())
+}
+
+/// A text.
+pub fn text(argument: &str, value: &Bound<'_, PyAny>) -> PyResult<String> {
+    let wrong = || DdmheError::new_err(format!("{argument}: expected a text, found {}", shown(value)));
+    value.extract().map_err(|_| wrong())
+}
+
+/// Python's True and False and NumPy's.
+fn is_bool(value: &Bound<'_, PyAny>) -> PyResult<bool> {
+    let name = value.get_type().name()?;
+    Ok(name == "bool" || name == "bool_")
+}
+
+/// Real numbers of any shape as a float64 array, for the Python side: NaN where missing if `missing` allows it.
+///
+/// Raises ShapeError or NotFiniteError naming the argument.
+#[pyfunction]
+#[pyo3(signature = (argument, value, missing=false))]
+pub fn numbers<'py>(
+    py: Python<'py>,
+    argument: &str,
+    value: &Bound<'py, PyAny>,
+    missing: bool,
+) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
+    let found = if missing { Numbers::measured(argument, value) } else { Numbers::from(argument, value) }?;
+    found.data.into_pyarray(py).reshape(found.shape)
 }

@@ -1,6 +1,6 @@
 //! `ddmhe.History`.
 
-use crate::convert::{Numbers, ShapeError, array1, array2, raise};
+use crate::convert::{Numbers, ShapeError, array1, array2, number, raise, whole_from};
 use crate::pickle::{Made, bytes, made};
 use ddmhe_core::snapshot::{Kind, from_bytes, to_bytes};
 use numpy::{PyArray1, PyArray2};
@@ -33,8 +33,9 @@ type Signals<'py> = (Bound<'py, PyArray2<f64>>, Bound<'py, PyArray2<f64>>);
 #[pymethods]
 impl History {
     #[new]
-    #[pyo3(signature = (x, y, dt=1.0))]
-    fn new(x: &Bound<'_, PyAny>, y: &Bound<'_, PyAny>, dt: f64) -> PyResult<Self> {
+    #[pyo3(signature = (x, y, dt=None), text_signature = "(x, y, dt=1.0)")]
+    fn new(x: &Bound<'_, PyAny>, y: &Bound<'_, PyAny>, dt: Option<&Bound<'_, PyAny>>) -> PyResult<Self> {
+        let dt = dt.map_or(Ok(1.0), |dt| number("dt", dt))?;
         let (x, _, n) = Numbers::matrix("x", x, "(T+1, n)")?;
         let (y, _, p) = Numbers::matrix("y", y, "(T, p)")?;
         Ok(History { core: ddmhe_core::History::new(n, p, &x, &y, dt).map_err(raise)? })
@@ -44,7 +45,9 @@ impl History {
     #[staticmethod]
     fn concat(histories: &Bound<'_, PyAny>) -> PyResult<Self> {
         let mut cores = Vec::new();
-        for item in histories.try_iter()? {
+        let wrong =
+            |_| ShapeError::new_err(format!("histories: expected a list of History, found {}", histories.get_type()));
+        for item in histories.try_iter().map_err(wrong)? {
             let item = item?;
             let history = item.cast::<History>().map_err(|_| {
                 ShapeError::new_err(format!("histories: expected a list of History, found {}", item.get_type()))
@@ -111,7 +114,8 @@ impl History {
     }
 
     /// The rank condition (7) for windows of `depth` outputs.
-    fn rank(&self, depth: usize) -> PyResult<RankReport> {
+    fn rank(&self, depth: &Bound<'_, PyAny>) -> PyResult<RankReport> {
+        let depth = whole_from(0, "depth", depth)?;
         Ok(RankReport { core: self.core.rank(depth).map_err(raise)? })
     }
 

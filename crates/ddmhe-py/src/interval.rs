@@ -1,6 +1,6 @@
 //! `ddmhe.Zonotope` and the engine of `ddmhe.interval.IntervalObserver`.
 
-use crate::convert::{DdmheError, ModelViolationError, Numbers, ShapeError, array1, array2, raise, whole};
+use crate::convert::{DdmheError, ModelViolationError, Numbers, ShapeError, array1, array2, raise, text, whole};
 use crate::exclusive::Exclusive;
 use crate::pickle::{Made, bytes, made};
 use ddmhe_core::observer::{Dynamics, Euler, Gain, Linear, Method, Options, Pendulum, System, Uncertain};
@@ -130,7 +130,9 @@ impl Zonotope {
     }
 
     /// Minkowski sum with another zonotope, (5).
-    fn minkowski_sum(&self, other: &Self) -> PyResult<Self> {
+    fn minkowski_sum(&self, other: &Bound<'_, PyAny>) -> PyResult<Self> {
+        let wrong = |_| DdmheError::new_err(format!("other: expected a Zonotope, found {}", other.get_type()));
+        let other = other.cast::<Self>().map_err(wrong)?.get();
         self.0.minkowski_sum(&other.0).map(Zonotope).map_err(raise)
     }
 
@@ -142,9 +144,10 @@ impl Zonotope {
     /// A zonotope of at most q >= n generators that holds this one.
     ///
     /// method : "girard", "combastel", "pca" or "paper" (the appendix of the interval paper).
-    #[pyo3(signature = (q, method="girard"))]
-    fn reduce(&self, q: &Bound<'_, PyAny>, method: &str) -> PyResult<Self> {
-        self.0.reduce(whole("q", q)?, reduction(method)?).map(Zonotope).map_err(raise)
+    #[pyo3(signature = (q, method=None), text_signature = "(q, method='girard')")]
+    fn reduce(&self, q: &Bound<'_, PyAny>, method: Option<&Bound<'_, PyAny>>) -> PyResult<Self> {
+        let method = method.map_or(Ok("girard".into()), |method| text("method", method))?;
+        self.0.reduce(whole("q", q)?, reduction(&method)?).map(Zonotope).map_err(raise)
     }
 
     /// Is x (n,) in it? Exact by a linear programme, to 1e-9 of its size.
@@ -485,9 +488,10 @@ impl ObserverCore {
         x0_center: Vec<f64>,
         x0_radius: Vec<f64>,
         order: &Bound<'_, PyAny>,
-        method: &str,
-        reduce: &str,
+        method: &Bound<'_, PyAny>,
+        reduce: &Bound<'_, PyAny>,
     ) -> PyResult<Self> {
+        let (method, reduce) = (text("method", method)?, text("reduction", reduce)?);
         let flat = |value: Bound<'_, PyAny>| Numbers::from("system", &value).map(|v| v.data);
         let part = |name: &str| flat(matrices.get_item(name)?);
         let of = |name: &str| -> PyResult<f64> { gain.get_item(name)?.extract() };
@@ -512,7 +516,7 @@ impl ObserverCore {
             mu_v: of("mu_v")?,
             weights: flat(gain.get_item("weights")?)?,
         };
-        let method = match method {
+        let method = match method.as_str() {
             "tight" => Method::Tight,
             "paper" => Method::Paper,
             _ => {
@@ -520,7 +524,7 @@ impl ObserverCore {
                 return Err(DdmheError::new_err(text));
             }
         };
-        let options = Options { order: whole("order", order)?, method, reduction: reduction(reduce)? };
+        let options = Options { order: whole("order", order)?, method, reduction: reduction(&reduce)? };
         let raised = Raised::default();
         let dynamics = dynamics(kind, x0_center.len(), &raised)?;
         let core = ddmhe_core::IntervalObserver::new(dynamics, system, gain, &x0_center, &x0_radius, options);
@@ -539,7 +543,7 @@ impl ObserverCore {
 
     fn step(&self, y: &Bound<'_, PyAny>, u: Option<&Bound<'_, PyAny>>) -> PyResult<Bounds> {
         let mut core = self.core()?;
-        let y = Numbers::vector("y", y, core.p())?;
+        let y = Numbers::measured("y", y)?.into_vector("y", core.p())?;
         let u = u.map(|u| Numbers::vector("u", u, core.inputs())).transpose()?.unwrap_or_default();
         core.step(&y, &u).map(|e| Bounds(e.clone())).map_err(|e| self.raise(e))
     }
@@ -548,7 +552,7 @@ impl ObserverCore {
         let mut core = self.core()?;
         let core = &mut *core;
         let (n, p, inputs) = (core.n(), core.p(), core.inputs());
-        let (Y, rows, width) = Numbers::matrix("Y", y, &format!("(N, {p})"))?;
+        let (Y, rows, width) = Numbers::measured("Y", y)?.into_matrix("Y", &format!("(N, {p})"))?;
         if width != p {
             return Err(ShapeError::new_err(format!("Y: expected {p} columns, found {width}")));
         }

@@ -18,7 +18,9 @@ mod _core {
     #[pymodule_export]
     use crate::certificate::minimum_horizon;
     #[pymodule_export]
-    use crate::convert::{DdmheError, InfeasibleError, ModelViolationError, NotFiniteError, RankError, ShapeError};
+    use crate::convert::{
+        DdmheError, InfeasibleError, ModelViolationError, NotFiniteError, RankError, ShapeError, numbers,
+    };
     #[pymodule_export]
     use crate::history::{History, RankReport};
     #[pymodule_export]

@@ -1,7 +1,9 @@
 //! `ddmhe.DdMhe`, `ddmhe.Estimate`, `ddmhe.Log`.
 
 use crate::certificate;
-use crate::convert::{DdmheError, Numbers, ShapeError, array1, array2, bounds, raise, whole, writable};
+use crate::convert::{
+    DdmheError, Numbers, ShapeError, array1, array2, bounds, flag, number, pair, raise, whole, writable,
+};
 use crate::exclusive::Exclusive;
 use crate::history::History;
 use crate::pickle::{Made, bytes, made};
@@ -9,6 +11,7 @@ use crate::spaces;
 use ddmhe_core::snapshot::{Kind, from_bytes, to_bytes};
 use ddmhe_core::{Bounds, Center, Config, Space};
 use numpy::{Ix1, Ix2, PyArray1, PyArray2, PyArrayMethods, PyUntypedArrayMethods};
+use pyo3::PyTypeInfo;
 use pyo3::prelude::*;
 use pyo3::sync::PyOnceLock;
 use pyo3::types::{PyBytes, PyTuple, PyType};
@@ -73,7 +76,7 @@ impl DdMhe {
 impl DdMhe {
     #[new]
     #[pyo3(
-        signature = (history, horizon=None, rho=None, mu=None, x_prior=None, x_bounds=None, x_center=None, v_bounds=None, equilibrium=None, warm_start=false, space=None, certificate=None, disturbance=None),
+        signature = (history, horizon=None, rho=None, mu=None, x_prior=None, x_bounds=None, x_center=None, v_bounds=None, equilibrium=None, warm_start=None, space=None, certificate=None, disturbance=None),
         text_signature = "(history, horizon=None, rho=None, mu=None, x_prior=None, x_bounds=None, x_center=None, v_bounds=None, equilibrium=None, warm_start=False, space='auto', certificate=None, disturbance=None)"
     )]
     #[allow(clippy::too_many_arguments)]
@@ -81,14 +84,14 @@ impl DdMhe {
         py: Python<'_>,
         history: &Bound<'_, PyAny>,
         horizon: Option<&Bound<'_, PyAny>>,
-        rho: Option<f64>,
-        mu: Option<f64>,
+        rho: Option<&Bound<'_, PyAny>>,
+        mu: Option<&Bound<'_, PyAny>>,
         x_prior: Option<&Bound<'_, PyAny>>,
         x_bounds: Option<&Bound<'_, PyAny>>,
         x_center: Option<&Bound<'_, PyAny>>,
         v_bounds: Option<&Bound<'_, PyAny>>,
         equilibrium: Option<&Bound<'_, PyAny>>,
-        warm_start: bool,
+        warm_start: Option<&Bound<'_, PyAny>>,
         space: Option<&Bound<'_, PyAny>>,
         certificate: Option<&Bound<'_, PyAny>>,
         disturbance: Option<&Bound<'_, PyAny>>,
@@ -97,14 +100,14 @@ impl DdMhe {
         let (n, p) = (history.core.n(), history.core.p());
         let config = Config {
             horizon: horizon.map(|v| whole("horizon", v)).transpose()?,
-            rho,
-            mu,
+            rho: rho.map(|v| number("rho", v)).transpose()?,
+            mu: mu.map(|v| number("mu", v)).transpose()?,
             x_prior: x_prior.map(|v| Numbers::vector("x_prior", v, n)).transpose()?,
             x_bounds: x_bounds.map(|v| bounds("x_bounds", v, n, None)).transpose()?,
             x_center: x_center.map_or(Ok(Center::Absolute), center)?,
             v_bounds: v_bounds.map(|v| bounds("v_bounds", v, p, None)).transpose()?,
             equilibrium: equilibrium.map(|v| rest(v, n, p)).transpose()?,
-            warm_start,
+            warm_start: warm_start.map_or(Ok(false), |v| flag("warm_start", v))?,
             space: space.map_or(Ok(Space::Auto), spaces::space)?,
             certificate: certificate.map(|c| certificate::certificate(c, n, p)).transpose()?,
             disturbance: disturbance.map(certificate::disturbance).transpose()?,
@@ -132,12 +135,17 @@ impl DdMhe {
         let limits: Option<Bounds> = x_bounds.map(|v| bounds("x_bounds", v, n, Some(core.next_depth()))).transpose()?;
         out.map(|out| writable::<Ix1>("out", out, &[n])).transpose()?; // checked first, let go: it may be y_t itself
         let copied;
-        let array =
-            y_t.cast::<PyArray1<f64>>().ok().filter(|y| y.len() == p).map(PyArrayMethods::try_readonly).transpose()?;
+        // a subclass may say more than its numbers do: a mask
+        let plain = y_t.get_type().is(PyArray1::<f64>::type_object(py)).then_some(y_t);
+        let array = plain
+            .and_then(|y| y.cast::<PyArray1<f64>>().ok())
+            .filter(|y| y.len() == p)
+            .map(PyArrayMethods::try_readonly)
+            .transpose()?;
         let y = match array.as_ref().and_then(|y| y.as_slice().ok()) {
             Some(y) => y,
             None => {
-                copied = Numbers::vector("y_t", y_t, p)?;
+                copied = Numbers::measured("y_t", y_t)?.into_vector("y_t", p)?;
                 &copied
             }
         };
@@ -181,7 +189,7 @@ impl DdMhe {
     #[pyo3(signature = (Y, out=None))]
     #[allow(non_snake_case)]
     fn run(&self, py: Python<'_>, Y: &Bound<'_, PyAny>, out: Option<&Bound<'_, PyAny>>) -> PyResult<Log> {
-        let (data, rows, columns) = Numbers::matrix("Y", Y, "(N, p)")?;
+        let (data, rows, columns) = Numbers::measured("Y", Y)?.into_matrix("Y", "(N, p)")?;
         let mut core = self.core()?;
         let core = &mut *core;
         let (n, p) = (core.n(), core.p());
@@ -315,9 +323,7 @@ fn center(value: &Bound<'_, PyAny>) -> PyResult<Center> {
 }
 
 pub fn rest(value: &Bound<'_, PyAny>, n: usize, p: usize) -> PyResult<(Vec<f64>, Vec<f64>)> {
-    let wrong = || ShapeError::new_err("equilibrium: expected a pair (x_e, y_e)");
-    let sides: Vec<Bound<'_, PyAny>> = value.try_iter().map_err(|_| wrong())?.collect::<PyResult<_>>()?;
-    let [x, y] = &sides[..] else { return Err(wrong()) };
+    let [x, y] = &pair("equilibrium", "a pair (x_e, y_e)", value)?;
     Ok((Numbers::vector("equilibrium", x, n)?, Numbers::vector("equilibrium", y, p)?))
 }
 
@@ -516,7 +522,7 @@ fn items<'py>(argument: &str, expected: &str, value: &Bound<'py, PyAny>) -> PyRe
 /// The numbers of each log, which must have p(k) columns.
 fn columns(logs: &[Bound<'_, PyAny>], p: impl Fn(usize) -> usize) -> PyResult<Vec<Vec<f64>>> {
     let log = |(k, log): (usize, &Bound<'_, PyAny>)| {
-        let (values, _, columns) = Numbers::matrix("logs", log, "(N, p)")?;
+        let (values, _, columns) = Numbers::measured("logs", log)?.into_matrix("logs", "(N, p)")?;
         let expected = p(k);
         if columns == expected {
             return Ok(values);

@@ -1,6 +1,6 @@
 //! `ddmhe.Exact`, `ddmhe.Truncated`, `ddmhe.Ridge`.
 
-use crate::convert::{DdmheError, whole};
+use crate::convert::{DdmheError, flag, number, whole};
 use ddmhe_core::Space;
 use pyo3::IntoPyObjectExt;
 use pyo3::prelude::*;
@@ -50,8 +50,9 @@ pub struct Truncated {
 impl Truncated {
     #[new]
     #[pyo3(signature = (rank=None, tol=None))]
-    fn new(rank: Option<&Bound<'_, PyAny>>, tol: Option<f64>) -> PyResult<Self> {
-        Ok(Truncated { rank: rank.map(|r| whole("rank", r)).transpose()?, tol })
+    fn new(rank: Option<&Bound<'_, PyAny>>, tol: Option<&Bound<'_, PyAny>>) -> PyResult<Self> {
+        let rank = rank.map(|r| whole("rank", r)).transpose()?;
+        Ok(Truncated { rank, tol: tol.map(|t| number("tol", t)).transpose()? })
     }
 
     fn __reduce__<'py>(&self, py: Python<'py>) -> (Bound<'py, PyType>, (Option<usize>, Option<f64>)) {
@@ -86,9 +87,10 @@ pub struct Ridge {
 #[pymethods]
 impl Ridge {
     #[new]
-    #[pyo3(signature = (weight, normalised=false))]
-    fn new(weight: f64, normalised: bool) -> Self {
-        Ridge { weight, normalised }
+    #[pyo3(signature = (weight, normalised=None), text_signature = "(weight, normalised=False)")]
+    fn new(weight: &Bound<'_, PyAny>, normalised: Option<&Bound<'_, PyAny>>) -> PyResult<Self> {
+        let normalised = normalised.map_or(Ok(false), |n| flag("normalised", n))?;
+        Ok(Ridge { weight: number("weight", weight)?, normalised })
     }
 
     fn __reduce__<'py>(&self, py: Python<'py>) -> (Bound<'py, PyType>, (f64, bool)) {

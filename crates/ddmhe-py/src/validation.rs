@@ -1,6 +1,6 @@
 //! `ddmhe._core.validate`: settings tried on parts of a recording, for `ddmhe.tune`.
 
-use crate::convert::{DdmheError, Numbers, raise, whole};
+use crate::convert::{DdmheError, Numbers, flag, number, raise, whole};
 use crate::mhe::{cast_history, rest};
 use crate::spaces;
 use ddmhe_core::Config;
@@ -33,8 +33,8 @@ pub fn validate(
 fn fold((h, x, y, truth, spans): Held<'_>) -> PyResult<Fold> {
     let history = cast_history("folds", &h)?.core.clone();
     let x_prior = Numbers::vector("folds", &x, history.n())?;
-    let (outputs, ..) = Numbers::matrix("folds", &y, "(N, p)")?;
-    let (truth, ..) = Numbers::matrix("folds", &truth, "(N, n)")?;
+    let (outputs, ..) = Numbers::measured("folds", &y)?.into_matrix("folds", "(N, p)")?;
+    let (truth, ..) = Numbers::measured("folds", &truth)?.into_matrix("folds", "(N, n)")?;
     Ok(Fold { history, x_prior, outputs, truth, spans })
 }
 
@@ -46,10 +46,10 @@ fn config(given: &Bound<'_, PyDict>, n: usize, p: usize) -> PyResult<Config> {
         }
         match key.extract::<String>()?.as_str() {
             "horizon" => config.horizon = Some(whole("horizon", &value)?),
-            "rho" => config.rho = Some(value.extract()?),
-            "mu" => config.mu = Some(value.extract()?),
+            "rho" => config.rho = Some(number("rho", &value)?),
+            "mu" => config.mu = Some(number("mu", &value)?),
             "equilibrium" => config.equilibrium = Some(rest(&value, n, p)?),
-            "warm_start" => config.warm_start = value.extract()?,
+            "warm_start" => config.warm_start = flag("warm_start", &value)?,
             "space" => config.space = spaces::space(&value)?,
             other => return Err(DdmheError::new_err(format!("jobs: expected a setting of DdMhe, found {other}"))),
         }

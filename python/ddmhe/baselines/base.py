@@ -7,11 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ddmhe._core import DdmheError, History, NotFiniteError, ShapeError
+from ddmhe._core import History, NotFiniteError, numbers
+from ddmhe.arguments import array, check_finite, check_history
 
 Array = NDArray[np.float64]
 
-__all__ = ["Baseline", "Estimate", "Log", "single_recording"]
+__all__ = ["Baseline", "Estimate", "Log", "recordings"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,7 +32,12 @@ class Log:
 
 
 class Baseline:
-    """An estimator that is fed outputs one by one."""
+    """An estimator that is fed outputs one by one.
+
+    One whose estimate has left all bounds has diverged: its estimate is NaN from then on, until the next reset.
+    """
+
+    _diverged = False
 
     def __init__(self, n: int, p: int, x_prior: ArrayLike) -> None:
         """Start at x_prior (n,) with outputs (p,)."""
@@ -40,30 +46,31 @@ class Baseline:
 
     def step(self, y_t: ArrayLike) -> Estimate:
         """Consume y(t-1) (p,), NaN where not measured; x̂(t)."""
-        y = np.asarray(y_t, dtype=np.float64)
-        if y.shape != (self.p,):
-            raise ShapeError(f"y_t: expected shape ({self.p},), found {y.shape}")
-        if np.isinf(y).any():
-            raise NotFiniteError("y_t: expected finite numbers or NaN, found infinity")
-        return Estimate(self._step(y))
+        return Estimate(self._next(_outputs("y_t", np.atleast_1d(numbers("y_t", y_t, missing=True)), (self.p,))))
 
     def run(self, Y: ArrayLike) -> Log:
         """Consume outputs (N, p), one step each."""
-        Y_ = np.asarray(Y, dtype=np.float64)
-        if Y_.ndim != 2 or Y_.shape[1] != self.p:
-            raise ShapeError(f"Y: expected shape (N, {self.p}), found {Y_.shape}")
-        return Log(np.array([self.step(y).x for y in Y_]).reshape(len(Y_), self.n))
+        Y_ = _outputs("Y", Y, (-1, self.p))
+        return Log(np.array([self._next(y) for y in Y_]).reshape(len(Y_), self.n))
 
     def reset(self, x_prior: ArrayLike | None = None) -> None:
         """Start again from x_prior (n,), or from the last recorded state."""
+        self._diverged = False
         self._start(self._default_prior if x_prior is None else self._checked_prior(x_prior))
 
+    def _next(self, y: Array) -> Array:
+        if not self._diverged:
+            try:
+                with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+                    x = self._step(y)
+            except np.linalg.LinAlgError:  # numbers too large to solve with
+                x = np.full(self.n, np.nan)
+            self._diverged = not bool(np.isfinite(x).all())
+        return np.full(self.n, np.nan) if self._diverged else x
+
     def _checked_prior(self, x_prior: ArrayLike) -> Array:
-        x = np.array(x_prior, dtype=np.float64)
-        if x.shape != (self.n,):
-            raise ShapeError(f"x_prior: expected shape ({self.n},), found {x.shape}")
-        if not np.isfinite(x).all():
-            raise NotFiniteError("x_prior: expected finite numbers, found NaN or infinity")
+        x = array("x_prior", x_prior, (self.n,))
+        check_finite("x_prior", x)
         return x
 
     def _start(self, x_prior: Array) -> None:
@@ -73,11 +80,14 @@ class Baseline:
         raise NotImplementedError
 
 
-def single_recording(history: History) -> tuple[Array, Array]:
-    """The states (T+1, n) and outputs (T, p) of a history that is one recording."""
-    if not isinstance(history, History):
-        raise DdmheError(f"history: expected a History, found {type(history).__name__}")
-    if len(history.recordings) != 1:
-        raise DdmheError(f"history: expected one recording, found {len(history.recordings)}")
-    x, y = history.recordings[0]
-    return np.asarray(x), np.asarray(y)
+def recordings(history: History) -> list[tuple[Array, Array]]:
+    """States (T_i+1, n) and outputs (T_i, p) of each recording; DdmheError if this is no History."""
+    return check_history(history).recordings
+
+
+def _outputs(name: str, value: ArrayLike, shape: tuple[int, ...]) -> Array:
+    """Outputs, NaN where not measured."""
+    y = array(name, value, shape, missing=True)
+    if np.isinf(y).any():
+        raise NotFiniteError(f"{name}: expected finite numbers or NaN, found infinity")
+    return y

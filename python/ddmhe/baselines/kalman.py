@@ -9,10 +9,10 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import ArrayLike, NDArray
 
-from ddmhe._core import DdmheError, History, RankError
-from ddmhe.baselines.base import Baseline, single_recording
-from ddmhe.design.arguments import check_number
-from ddmhe.design.model import identify
+from ddmhe._core import DdmheError, History, RankError, ShapeError
+from ddmhe.arguments import array, check_finite, check_flag, check_number, check_whole, choice, shown
+from ddmhe.baselines.base import Baseline, recordings
+from ddmhe.design.model import identify, samples
 
 Array = NDArray[np.float64]
 
@@ -25,7 +25,7 @@ def update(x: Array, P: Array, innovation: Array, C: Array, R: Array) -> tuple[A
     if not seen.any():
         return x, P
     C, R = C[seen], R[np.ix_(seen, seen)]
-    gain = scipy.linalg.solve(C @ P @ C.T + R, C @ P, assume_a="pos").T
+    gain = scipy.linalg.solve(C @ P @ C.T + R, C @ P, assume_a="pos", check_finite=False).T
     rest = np.eye(len(x)) - gain @ C
     return x + gain @ innovation[seen], rest @ P @ rest.T + gain @ R @ gain.T
 
@@ -59,20 +59,23 @@ class ErrorStateKalman(Baseline):
         x_prior: ArrayLike | None = None,
     ) -> None:
         """Check, identify and start."""
-        x, y = single_recording(history)
-        super().__init__(x.shape[1], y.shape[1], x[-1] if x_prior is None else x_prior)
+        last = recordings(history)[-1][0][-1]
+        super().__init__(history.n, history.p, last if x_prior is None else x_prior)
+        check_flag("affine", affine)
         for name, value in (("Q", Q), ("R", R)):
             if value is not None:
                 check_number(name, value, "a positive number", lambda size: size > 0)
+        before, after = samples(history)
         if affine:
             model = identify(history)
             self.A, self.e, self.C, self.r = model.A, model.e, model.C, model.r
         else:
-            theta: Array = np.linalg.lstsq(x[:-1], np.hstack([x[1:], y]), rcond=None)[0].T.astype(np.float64)
+            theta: Array = np.linalg.lstsq(before, after, rcond=None)[0].T.astype(np.float64)
             self.A, self.C = theta[: self.n], theta[self.n :]
             self.e, self.r = np.zeros(self.n), np.zeros(self.p)
-        self.Q = _covariance(Q, x[1:] - x[:-1] @ self.A.T - self.e, x)
-        self.R = _covariance(R, y - x[:-1] @ self.C.T - self.r, y)
+        x_next, y = after[:, : self.n], after[:, self.n :]
+        self.Q = _covariance(Q, x_next - before @ self.A.T - self.e, np.vstack([before[:1], x_next]))
+        self.R = _covariance(R, y - before @ self.C.T - self.r, y)
         self.reset()
 
     def _start(self, x_prior: Array) -> None:
@@ -104,16 +107,18 @@ class ArxKalman(Baseline):
 
     def __init__(self, history: History, order: int | None = None) -> None:
         """Check, identify and start."""
-        x, y = single_recording(history)
-        super().__init__(x.shape[1], y.shape[1], x[-1])
-        z = np.hstack([x[:-1], y])
-        if order is not None and order < 1:
-            raise DdmheError(f"order: expected at least 1, found {order}")
-        orders = [order] if order is not None else [L for L in self.ORDERS if len(z) > (L + 1) * (z.shape[1] + 1)]
-        if not orders or len(z) <= orders[0] + 1:
-            raise RankError(f"history: expected more than {2 * (z.shape[1] + 1)} samples, found {len(z)}")
-        _, self.order, self._offset, lags, noise = min((_arx(z, L) for L in orders), key=lambda fit: fit[0])
-        m, L = z.shape[1], self.order
+        parts = [np.hstack([x[:-1], y]) for x, y in recordings(history)]
+        super().__init__(history.n, history.p, history.recordings[-1][0][-1])
+        m, total = history.n + history.p, sum(len(z) for z in parts)
+        if order is not None:
+            check_whole("order", order, expected="at least 1 lag")
+        orders = self.ORDERS if order is None else (order,)
+        fits = [_arx(parts, L) for L in orders if self._suffices(parts, L, order is not None)]
+        if not fits:
+            least = 2 * (m + 1) if order is None else order + 1
+            raise RankError(f"history: expected more than {least} samples, also in the last recording, found {total}")
+        _, self.order, self._offset, lags, noise = min(fits, key=lambda fit: fit[0])
+        L = self.order
         self._A = np.zeros((m * L, m * L))
         self._A[:m] = lags
         self._A[m:, :-m] = np.eye(m * (L - 1))
@@ -121,9 +126,15 @@ class ArxKalman(Baseline):
         self._Q[:m, :m] = noise
         self._C = np.zeros((self.p, m * L))
         self._C[:, self.n : m] = np.eye(self.p)
-        self._R = 1e-6 * np.diag(y.var(axis=0) + 1e-300)
-        self._recent = z[::-1][:L].ravel()
+        self._R = 1e-6 * np.diag(np.vstack(parts)[:, history.n :].var(axis=0) + 1e-300)
+        self._recent = parts[-1][::-1][:L].ravel()
         self.reset()
+
+    @staticmethod
+    def _suffices(parts: list[Array], L: int, given: bool) -> bool:
+        """Whether the recordings hold enough windows of L + 1 samples, and the last one a start."""
+        m, windows = parts[0].shape[1], sum(max(len(z) - L, 0) for z in parts)
+        return len(parts[-1]) >= L and windows > (1 if given else (L + 1) * (m + 1) - L)
 
     def _start(self, x_prior: Array) -> None:
         self._s = self._predicted(self._recent)
@@ -175,11 +186,18 @@ class Oracle(Baseline):
         kind: Literal["ekf", "ukf"] = "ekf",
     ) -> None:
         """Check and start."""
-        x = np.asarray(x_prior, dtype=np.float64)
+        x = array("x_prior", x_prior, (-1,))
+        check_finite("x_prior", x)
+        if not callable(getattr(model, "output", None)) or not callable(getattr(model, "derivative", None)):
+            raise DdmheError(f"model: expected a system of ddmhe.models, found {shown(model)}")
+        states = len(getattr(model, "initial_state", x))
+        if len(x) != states:
+            raise ShapeError(f"x_prior: expected {states} numbers, found {len(x)}")
+        check_number("dt", dt, "a positive number of seconds", lambda seconds: seconds > 0)
+        for name, size in (("noise", noise), ("prior", prior), ("motion", motion)):
+            check_number(name, size, "a finite number of at least 0", lambda value: value >= 0)
+        self._kind = choice("kind", kind, ("ekf", "ukf"))
         super().__init__(len(x), len(model.output(x)), x)
-        if kind not in ("ekf", "ukf"):
-            raise DdmheError(f"kind: expected 'ekf' or 'ukf', found {kind!r}")
-        self._kind = kind
         self._model, self._dt = model, dt
         size = float(np.linalg.norm(x)) or 1.0
         self._P_0 = max(prior, 1e-9 * size) ** 2 * np.eye(self.n)
@@ -219,7 +237,7 @@ class Oracle(Baseline):
         mean = weights @ outputs
         S = (weights * (outputs - mean).T) @ (outputs - mean) + self._R[np.ix_(seen, seen)]
         cross = (weights * (points - self._x).T) @ (outputs - mean)
-        gain = scipy.linalg.solve(S, cross.T, assume_a="pos").T
+        gain = scipy.linalg.solve(S, cross.T, assume_a="pos", check_finite=False).T
         return self._x + gain @ (y[seen] - mean), self._P - gain @ S @ gain.T
 
 
@@ -236,14 +254,19 @@ def _tiny(Q: Array) -> Array:
     return np.asarray(1e-12 * Q)
 
 
-def _arx(z: Array, L: int) -> tuple[float, int, Array, Array, Array]:
-    """(BIC, L, offset (m,), lags (m, mL), residual covariance (m, m)) of the ARX model with L lags."""
+def _arx(parts: list[Array], L: int) -> tuple[float, int, Array, Array, Array]:
+    """(BIC, L, offset (m,), lags (m, mL), residual covariance (m, m)) of the ARX model with L lags.
+
+    parts : z (T_i, m) of each recording; no window crosses from one to the next.
+    """
+    z = np.vstack(parts)
     m = z.shape[1]
     mean, scale = z.mean(axis=0), z.std(axis=0) + 1e-300
-    s = (z - mean) / scale
-    past = np.hstack([s[L - i - 1 : len(s) - i - 1] for i in range(L)])
-    theta = np.linalg.solve(past.T @ past + 1e-8 * len(past) * np.eye(m * L), past.T @ s[L:])
-    residual = s[L:] - past @ theta
+    scaled = [(part - mean) / scale for part in parts if len(part) > L]
+    past = np.vstack([np.hstack([s[L - i - 1 : len(s) - i - 1] for i in range(L)]) for s in scaled])
+    now = np.vstack([s[L:] for s in scaled])
+    theta = np.linalg.solve(past.T @ past + 1e-8 * len(past) * np.eye(m * L), past.T @ now)
+    residual = now - past @ theta
     free = max(len(past) - m * L - 1, 1)
     covariance = residual.T @ residual / free + 1e-16 * np.eye(m)
     bic = len(past) * np.linalg.slogdet(residual.T @ residual / len(past) + 1e-16 * np.eye(m))[1]

@@ -5,12 +5,16 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ddmhe._core import DdmheError, History
-from ddmhe.baselines.base import Baseline, single_recording
+from ddmhe._core import History
+from ddmhe.arguments import check_flag, check_number, check_whole
+from ddmhe.baselines.base import Baseline, recordings
 
 Array = NDArray[np.float64]
 
 __all__ = ["KoopmanMhe", "thin_plate"]
+
+MOST = 1000
+"""Longest horizon and dimension whose matrices, one for every depth, are reasonable to keep."""
 
 
 def thin_plate(x: Array, centres: Array) -> Array:
@@ -62,23 +66,27 @@ class KoopmanMhe(Baseline):
         x_prior: ArrayLike | None = None,
     ) -> None:
         """Check, identify and start."""
-        x, y = single_recording(history)
-        super().__init__(x.shape[1], y.shape[1], x[-1] if x_prior is None else x_prior)
-        if horizon < 1:
-            raise DdmheError(f"horizon: expected at least 1, found {horizon}")
-        if not (0 < rho < 1 and mu > 0):
-            raise DdmheError(f"rho, mu: expected rho in (0, 1) and a positive mu, found {rho} and {mu}")
-        if dimension <= self.n + 1:
-            raise DdmheError(f"dimension: expected more than n + 1 = {self.n + 1}, found {dimension}")
+        parts = recordings(history)
+        super().__init__(history.n, history.p, parts[-1][0][-1] if x_prior is None else x_prior)
+        check_whole("horizon", horizon, 1, MOST, f"at least 1 and at most {MOST} outputs")
+        check_number("rho, mu", rho, "rho in (0, 1) and a positive mu", lambda value: 0 < value < 1)
+        check_number("rho, mu", mu, "rho in (0, 1) and a positive mu", lambda value: value > 0)
+        enough = f"more than n + 1 = {self.n + 1} and at most {MOST} functions"
+        check_whole("dimension", dimension, self.n + 2, MOST, enough)
+        check_flag("relift", relift)
+        check_whole("seed", seed, 0)
+        if cut is not None:
+            check_number("cut", cut, "a number in [0, 1)", lambda value: 0 <= value < 1)
         self._relift = relift
+        x = np.concatenate([x for x, _ in parts])
         self._centre, self._scale = x.mean(axis=0), float(np.sqrt(x.var(axis=0).mean())) or 1.0
         scaled = (x - self._centre) / self._scale
         rng = np.random.default_rng(seed)
         self.centres = rng.uniform(scaled.min(axis=0), scaled.max(axis=0), (dimension - self.n - 1, self.n))
-        lifted = self.lift(x)
-        self.cut = min(self.CUTS, key=lambda each: self._prediction_error(each, lifted, y)) if cut is None else cut
-        self.K, self.C = _edmd(lifted, y, self.cut)
-        self.horizon = horizon
+        lifted = [(self.lift(x), y) for x, y in parts]
+        self.cut = min(self.CUTS, key=lambda each: self._prediction_error(each, lifted)) if cut is None else cut
+        self.K, self.C = _edmd(lifted, self.cut)
+        self.horizon = int(horizon)
         self._gains = list(self._prepared(rho, mu))
         self.reset()
 
@@ -87,10 +95,11 @@ class KoopmanMhe(Baseline):
         splines = thin_plate((x - self._centre) / self._scale, self.centres)
         return np.concatenate([x, np.ones((*x.shape[:-1], 1)), splines], axis=-1)
 
-    def _prediction_error(self, cut: float, lifted: Array, y: Array) -> float:
+    def _prediction_error(self, cut: float, parts: list[tuple[Array, Array]]) -> float:
         """Squared error of states and outputs, relative to their spread, predicted over the last quarter."""
+        lifted, y = parts[-1]
         end = 3 * len(y) // 4
-        K, C = _edmd(lifted[: end + 1], y[:end], cut)
+        K, C = _edmd([*parts[:-1], (lifted[: end + 1], y[:end])], cut)
         z, squares = lifted[end], 0.0
         with np.errstate(over="ignore", invalid="ignore"):
             for k in range(end, len(y)):
@@ -132,7 +141,12 @@ class KoopmanMhe(Baseline):
         return np.asarray(x.copy())
 
 
-def _edmd(lifted: Array, y: Array, cut: float) -> tuple[Array, Array]:
-    """K and C of ψ(x⁺) = K ψ(x), y = C ψ(x) by least squares over lifted states (T+1, d) and outputs (T, p)."""
-    theta: Array = np.linalg.lstsq(lifted[:-1], np.hstack([lifted[1:], y]), rcond=cut)[0].T.astype(np.float64)
-    return theta[: lifted.shape[1]], theta[lifted.shape[1] :]
+def _edmd(parts: list[tuple[Array, Array]], cut: float) -> tuple[Array, Array]:
+    """K and C of ψ(x⁺) = K ψ(x), y = C ψ(x) by least squares.
+
+    parts : lifted states (T_i+1, d) and outputs (T_i, p) of each recording; no pair crosses from one to the next.
+    """
+    before = np.concatenate([z[:-1] for z, _ in parts])
+    after = np.concatenate([np.hstack([z[1:], y]) for z, y in parts])
+    theta: Array = np.linalg.lstsq(before, after, rcond=cut)[0].T.astype(np.float64)
+    return theta[: before.shape[1]], theta[before.shape[1] :]

@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from ddmhe._core import DdmheError, History, RankError
-from ddmhe.baselines.base import Baseline, single_recording
+from ddmhe._core import History, RankError
+from ddmhe.arguments import check_number, check_whole
+from ddmhe.baselines.base import Baseline, recordings
 
 Array = NDArray[np.float64]
 
@@ -31,20 +32,23 @@ class RidgeFir(Baseline):
 
     def __init__(self, history: History, length: int | None = None, weight: float | None = None) -> None:
         """Check, identify and start."""
-        x, y = single_recording(history)
-        super().__init__(x.shape[1], y.shape[1], x[-1])
-        self.length = min(max(len(y) // 5, 1), 40) if length is None else length
-        if self.length < 1:
-            raise DdmheError(f"length: expected at least 1, found {length}")
-        if len(y) < self.length + 2:
-            raise RankError(f"history: expected at least {self.length + 2} samples for {self.length}, found {len(y)}")
-        if weight is not None and not (np.isfinite(weight) and weight >= 0):
-            raise DdmheError(f"weight: expected a finite number of at least 0, found {weight}")
-        windows = np.array([y[k : k + self.length].ravel() for k in range(len(y) - self.length + 1)])
-        self._mean_y, self._mean_x = windows.mean(axis=0), x[self.length :].mean(axis=0)
+        parts = recordings(history)
+        super().__init__(history.n, history.p, parts[-1][0][-1])
+        longest = max(len(y) for _, y in parts)
+        if length is not None:
+            check_whole("length", length, expected="at least 1 output")
+        if weight is not None:
+            check_number("weight", weight, "a finite number of at least 0", lambda value: value >= 0)
+        self.length = L = min(max(longest // 5, 1), 40) if length is None else int(length)
+        if longest < L + 2:
+            raise RankError(f"history: expected at least {L + 2} samples in a row for {L}, found {longest}")
+        # no window crosses from one recording to the next
+        windows = np.array([y[k : k + L].ravel() for _, y in parts for k in range(len(y) - L + 1)])
+        targets = np.concatenate([x[L:] for x, _ in parts])
+        self._mean_y, self._mean_x = windows.mean(axis=0), targets.mean(axis=0)
         U, s, Vt = np.linalg.svd(windows - self._mean_y, full_matrices=False)
-        projected = U.T @ (x[self.length :] - self._mean_x)
-        outside = np.sum((x[self.length :] - self._mean_x) ** 2) - np.sum(projected**2)
+        projected = U.T @ (targets - self._mean_x)
+        outside = np.sum((targets - self._mean_x) ** 2) - np.sum(projected**2)
 
         def score(share: float) -> float:
             shrink = s**2 / (s**2 + share * s[0] ** 2 + 1e-300)
@@ -54,7 +58,9 @@ class RidgeFir(Baseline):
         self.weight = min(self.WEIGHTS, key=score) if weight is None else weight
         gains = s / (s**2 + self.weight * s[0] ** 2 + 1e-300)
         self.W = (Vt.T * gains @ projected).T
-        self._recent = y[len(y) - self.length + 1 :]
+        last = parts[-1][1][len(parts[-1][1]) - min(L - 1, len(parts[-1][1])) :]
+        lacking = np.tile(self._mean_y[: self.p], (L - 1 - len(last), 1))  # a last recording shorter than the window
+        self._recent = np.vstack([lacking, last])
         self.reset()
 
     def _start(self, x_prior: Array) -> None:

@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable
-from numbers import Real
-from typing import Any
-
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ddmhe._core import DdmheError, History, NotFiniteError, ShapeError
+from ddmhe._core import DdmheError, History, ShapeError, numbers
+from ddmhe.arguments import check_finite, check_history, check_number
 
 Array = NDArray[np.float64]
 
@@ -24,9 +20,7 @@ def recording_or_system(
     if (history is None) == (A is None and C is None):
         raise DdmheError("history: expected either a recording or A and C, found both or neither")
     if history is not None:
-        if not isinstance(history, History):
-            raise DdmheError(f"history: expected a History, found {type(history).__name__}")
-        return history
+        return check_history(history)
     if A is None or C is None:
         raise DdmheError("A, C: expected both, found only one")
     return system(A, C)
@@ -34,7 +28,7 @@ def recording_or_system(
 
 def system(A: ArrayLike, C: ArrayLike) -> tuple[Array, Array]:
     """A (n, n) and C (p, n), checked."""
-    A_, C_ = np.asarray(A, dtype=np.float64), np.asarray(C, dtype=np.float64)
+    A_, C_ = numbers("A", A), numbers("C", C)
     if A_.ndim != 2 or A_.shape[0] != A_.shape[1] or not A_.size:
         raise ShapeError(f"A: expected a square matrix, found shape {A_.shape}")
     if C_.ndim != 2 or C_.shape[1] != len(A_) or not C_.size:
@@ -42,15 +36,3 @@ def system(A: ArrayLike, C: ArrayLike) -> tuple[Array, Array]:
     check_finite("A", A_)
     check_finite("C", C_)
     return A_, C_
-
-
-def check_number(name: str, value: Any, expected: str, fits: Callable[[float], bool]) -> None:
-    """DdmheError naming the argument unless the value is a finite number that fits."""
-    if not isinstance(value, Real) or not (math.isfinite(value) and fits(float(value))):
-        raise DdmheError(f"{name}: expected {expected}, found {value!r}")
-
-
-def check_finite(name: str, M: Array) -> None:
-    """NotFiniteError naming the argument."""
-    if not np.isfinite(M).all():
-        raise NotFiniteError(f"{name}: expected finite numbers, found {M[~np.isfinite(M)][0]}")

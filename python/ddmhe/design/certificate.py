@@ -19,7 +19,8 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import minimize_scalar
 
 from ddmhe._core import DdmheError, History, InfeasibleError, ShapeError, minimum_horizon
-from ddmhe.design.arguments import check_number, recording_or_system, system
+from ddmhe.arguments import array, check_finite, check_kind, check_number, check_whole, shown
+from ddmhe.design.arguments import recording_or_system, system
 from ddmhe.design.dissipation import (
     best_gains,
     condition_number,
@@ -35,6 +36,8 @@ Array = NDArray[np.float64]
 
 __all__ = ["Certificate", "Uncertainty", "ioss", "scalar_certificate"]
 
+MOST_STEPS = 10_000_000
+"""Steps whose bounds fit into memory."""
 ETA = 0.95
 """Discount that is designed for when neither `eta` nor `condition` is given."""
 
@@ -109,7 +112,7 @@ class Certificate:
         for name, value in (("initial", initial), ("w", w), ("v", v)):
             check_number(name, value, "a finite number of at least 0", lambda size: size >= 0)
         for name, count in (("steps", steps), ("horizon", horizon)):
-            check_number(name, count, "at least 1", lambda steps: steps >= 1)
+            check_whole(name, count, most=MOST_STEPS)
         largest_P, largest_Q, largest_R = (math.sqrt(extremes(M)[1]) for M in (self.P, self.Q, self.R))
         V, W = largest_R * v, largest_Q * w
         drift = np.concatenate([[0.0], np.cumsum(self._gains(min(horizon, steps)))]) * w
@@ -210,11 +213,13 @@ def ioss(
         check_number("eta", eta, "a number in (0, 1)", lambda value: 0 < value < 1)
     if condition is not None:
         check_number("condition", condition, "a number above 1", lambda value: value > 1)
+    if noise is not None:
+        check_kind("noise", noise, RecordingNoise, "a RecordingNoise")
     allowed = _resolve(history, A, C, noise)
     if gains is None:
         gains = (1.0, max(float(np.linalg.norm(allowed.C, 2)), 1e-300))
     if not isinstance(gains, tuple | list) or len(gains) != 2:
-        raise DdmheError(f"gains: expected two positive numbers (w, v), found {gains!r}")
+        raise DdmheError(f"gains: expected two positive numbers (w, v), found {shown(gains)}")
     for gain in gains:
         check_number("gains", gain, "two positive numbers (w, v)", lambda value: value > 0)
     if eta is None:
@@ -231,12 +236,11 @@ def scalar_certificate(A: ArrayLike, C: ArrayLike, gain: ArrayLike, rho: float, 
     ‖A_L d - w + L(v - v̂)‖² ≤ 3‖A_L d‖² + 3‖w‖² + 3‖L(v - v̂)‖² with 6‖A_L‖² ≤ ρ, 6‖L‖² ≤ μ gives (L).
     """
     A, C = system(A, C)
-    L = np.asarray(gain, dtype=np.float64)
-    if L.shape != C.T.shape:
-        raise ShapeError(f"gain: expected shape {C.T.shape}, found {L.shape}")
-    rho_0, mu_0 = 6 * np.linalg.norm(A + L @ C, 2) ** 2, 6 * np.linalg.norm(L, 2) ** 2
+    L = array("gain", gain, (len(A), len(C)))
+    check_finite("gain", L)
     check_number("rho", rho, "a number in (0, 1)", lambda value: 0 < value < 1)
     check_number("mu", mu, "a positive number", lambda value: value > 0)
+    rho_0, mu_0 = 6 * np.linalg.norm(A + L @ C, 2) ** 2, 6 * np.linalg.norm(L, 2) ** 2
     if not rho_0 <= rho < 1:
         raise InfeasibleError(f"rho: expected a number in [{rho_0:.4g}, 1), which (24) asks for, found {rho}")
     if not mu_0 <= mu:

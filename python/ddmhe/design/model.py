@@ -9,7 +9,8 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
-from ddmhe._core import DdmheError, History, RankError
+from ddmhe._core import History, RankError
+from ddmhe.arguments import array, check_finite, check_history, check_whole, choice
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -21,6 +22,8 @@ __all__ = ["AffineModel", "identify", "is_observable", "samples"]
 
 DIFFERENCE = np.array([-1.0, 5.0, -10.0, 10.0, -5.0, 1.0])
 """Fifth difference: of white noise of variance s² it has variance 252 s², of a smooth signal next to nothing."""
+MOST_STEPS = 10_000_000
+"""Simulated steps that fit into memory."""
 PBH = 1e-9
 """A pair is unobservable when [λI - A; C] loses rank at this relative tolerance in balanced coordinates."""
 
@@ -70,8 +73,10 @@ class AffineModel:
 
     def simulate(self, x_0: Array, steps: int) -> tuple[Array, Array]:
         """States (steps+1, n) and outputs (steps, p) from x_0 (n,), without noise."""
+        check_whole("steps", steps, 0, MOST_STEPS)
         x = np.empty((steps + 1, len(self.e)))
-        x[0] = x_0
+        x[0] = array("x_0", x_0, (len(self.e),))
+        check_finite("x_0", x[0])
         for k in range(steps):
             x[k + 1] = self.A @ x[k] + self.e
         return x, x[:-1] @ self.C.T + self.r
@@ -106,8 +111,8 @@ def identify(history: History, method: Method = "least squares") -> AffineModel:
     DdmheError
         An unknown method.
     """
-    if method not in _METHODS:
-        raise DdmheError(f"method: expected one of {', '.join(map(repr, _METHODS))}, found {method!r}")
+    check_history(history)
+    choice("method", method, _METHODS)
     n = history.n
     regressor, target = samples(history)
     mean_x, mean_z = regressor.mean(0), target.mean(0)

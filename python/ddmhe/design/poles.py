@@ -21,8 +21,9 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import ArrayLike, NDArray
 
-from ddmhe._core import DdmheError, History, InfeasibleError, RankError, ShapeError
-from ddmhe.design.arguments import check_finite, check_number, recording_or_system
+from ddmhe._core import DdmheError, History, InfeasibleError, RankError
+from ddmhe.arguments import array, check_finite, check_number, check_whole
+from ddmhe.design.arguments import recording_or_system
 from ddmhe.design.model import AffineModel, identify, unobservable_modes
 from ddmhe.design.regions import Disc, Region
 from ddmhe.design.solver import solve
@@ -36,6 +37,8 @@ MARGIN = 1e-6
 EPS = float(np.finfo(float).eps)
 MARGIN_ROUNDING = 4.0
 """Rounding counts this many times: an output made by several operations is off by more than its last digit."""
+MOST_ATTEMPTS = 1000
+"""Radii that Algorithm 2 may be made to try."""
 AGREEMENT = 0.05
 """The printed and the recomputed ρ0, μ0 agree when they differ by less than this share."""
 
@@ -183,7 +186,7 @@ def pole_placement(
     """
     for name, value in (("radius", radius), ("step", step)):
         check_number(name, value, "a number in (0, 1)", lambda share: 0 < share < 1)
-    check_number("attempts", attempts, "at least 1", lambda count: count >= 1)
+    check_whole("attempts", attempts, 1, MOST_ATTEMPTS, f"at least 1 and at most {MOST_ATTEMPTS}")
     if region is not None and not isinstance(region, Region):
         raise DdmheError(f"region: expected a Disc, a HalfPlane or a Cone, found {type(region).__name__}")
     data, model = _source(history, A, C)
@@ -280,9 +283,7 @@ def _definite(name: str, matrix: ArrayLike | None, size: int) -> Array:
     """A symmetric positive definite weight, checked."""
     if matrix is None:
         return np.eye(size)
-    M = np.asarray(matrix, dtype=np.float64)
-    if M.shape != (size, size):
-        raise ShapeError(f"{name}: expected shape ({size}, {size}), found {M.shape}")
+    M = array(name, matrix, (size, size))
     check_finite(name, M)
     if not np.allclose(M, M.T, rtol=1e-9, atol=0):
         raise DdmheError(f"{name}: expected a symmetric matrix, found one that is not")

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ddmhe.design.arguments import check_number
+from ddmhe.arguments import check_flag, check_number
 
 Array = NDArray[np.float64]
 
@@ -43,6 +43,7 @@ class HalfPlane:
     def __post_init__(self) -> None:
         """Check the fields."""
         check_number("bound", self.bound, "a finite number", lambda _: True)
+        check_flag("right", self.right)
 
     def matrices(self) -> tuple[Array, Array]:
         """L and M."""
@@ -62,6 +63,7 @@ class Cone:
         """Check the fields."""
         check_number("angle", self.angle, "an angle in (0, pi/2)", lambda angle: 0 < angle < math.pi / 2)
         check_number("apex", self.apex, "a finite number", lambda _: True)
+        check_flag("right", self.right)
 
     def matrices(self) -> tuple[Array, Array]:
         """L and M of sin(angle)·(-|Re|) + cos(angle)·|Im| < 0, turned to the side that is meant."""

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ddmhe._core import DdmheError, History, RankError
-from ddmhe.design.arguments import check_number
+from ddmhe.arguments import check_history, check_kind, check_number, choice
 from ddmhe.design.model import samples
 
 Array = NDArray[np.float64]
@@ -49,8 +49,7 @@ class RecordingNoise:
         """Check the sizes."""
         for name in ("x", "y", "w"):
             check_number("noise", getattr(self, name), f"a finite {name} of at least 0", lambda size: size >= 0)
-        if self.kind not in ("bounded", "gaussian"):
-            raise DdmheError(f"noise: expected kind 'bounded' or 'gaussian', found {self.kind!r}")
+        choice("noise", self.kind, ("bounded", "gaussian"))
         check_number("noise", self.confidence, "a confidence in (0, 1)", lambda value: 0 < value < 1)
 
     def energy(self, n: int, p: int, T: int) -> tuple[float, float, float]:
@@ -103,6 +102,8 @@ def consistent_set(history: History, noise: RecordingNoise) -> ConsistentSet:
     Raises RankError when the noise hides the recorded motion (G is not positive definite) and DdmheError when no
     system fits, which means that the stated noise is smaller than the recording's.
     """
+    check_history(history)
+    check_kind("noise", noise, RecordingNoise, "a RecordingNoise")
     n, p = history.n, history.p
     X, Z = samples(history)
     mean_x, mean_z = X.mean(0), Z.mean(0)

@@ -7,6 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
+from ddmhe.files import write_text
+
 __all__ = ["Claim", "Verdict", "holds_if", "write_claims"]
 
 Verdict = Literal["holds", "holds with …", "does not hold", "cannot be checked"]
@@ -51,4 +53,4 @@ def write_claims(path: Path, claims: Sequence[Claim]) -> None:
     for claim in claims:
         cells = (claim.source, claim.claim, claim.printed or "–", claim.ours, f"**{claim.verdict}**", claim.why)
         lines.append("| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |")
-    path.write_text("\n".join([*lines, ""]), encoding="utf-8")
+    write_text(path, "\n".join([*lines, ""]))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,6 +16,7 @@ from rich.table import Table
 
 from ddmhe import demo, report
 from ddmhe._core import DdmheError
+from ddmhe.files import write, write_text
 from ddmhe.reproduce import bench, satellite
 from ddmhe.reproduce.claims import Claim
 from ddmhe.reproduce.montecarlo import ENDS, Trials, in_parallel, percentiles, run_trials
@@ -58,7 +60,7 @@ def run_experiment(name: str, directory: Path, advance: Callable[[], None]) -> t
     written = []
     for stem, table in result.tables.items():
         written.append(directory / f"{stem}.csv")
-        table.to_csv(written[-1], index=table.index.name is not None)
+        write(written[-1], partial(table.to_csv, index=table.index.name is not None))
     for stem, figure in result.figures.items():
         for ending in ("png", "svg"):
             written.append(directory / f"{stem}.{ending}")
@@ -228,8 +230,8 @@ def reproduce_real(paths: list[Path], directory: Path, advance: Callable[[], Non
         table.add_row(name, _short(mean), _short(median), _short(worst), str(lost))
     directory.mkdir(parents=True, exist_ok=True)
     written = [directory / "real.csv", directory / "real.md"]
-    scores.to_csv(written[0])
-    written[1].write_text(_markdown(scores, sorted(summary), len(paths)), encoding="utf-8")
+    write(written[0], scores.to_csv)
+    write_text(written[1], _markdown(scores, sorted(summary), len(paths)))
     return Result(printed=[table]), written
 
 

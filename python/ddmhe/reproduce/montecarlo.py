@@ -11,6 +11,8 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from ddmhe._core import ShapeError
+
 Array = NDArray[np.float64]
 T = TypeVar("T")
 Estimators = Mapping[str, Callable[[], Any]]
@@ -77,15 +79,20 @@ def percentiles(values: Array) -> Array:
 
 
 def estimates(estimators: Estimators, Y: Array, n: int) -> dict[str, Array]:
-    """x̂ (N, n) of each estimator over outputs Y (N, p)."""
+    """x̂ (N, n) of each estimator over outputs Y (N, p); NaN for one whose numbers have left all bounds.
+
+    Whatever else an estimator raises, at construction or in a run, is an error here, too.
+    """
     found = {}
     for name, make in estimators.items():
         estimator = make()
         try:
             with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
                 found[name] = np.asarray(estimator.run(Y).x)
-        except (np.linalg.LinAlgError, ValueError):  # an estimate that has left all bounds
+        except (np.linalg.LinAlgError, OverflowError, FloatingPointError):
             found[name] = np.full((len(Y), n), np.nan)
+        if found[name].shape != (len(Y), n):
+            raise ShapeError(f"{name}: expected estimates of shape {(len(Y), n)}, found {found[name].shape}")
     return found
 
 

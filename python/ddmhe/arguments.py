@@ -1,0 +1,119 @@
+"""Arguments, checked: one error each that names the argument, what was expected and what came."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from numbers import Integral, Real
+from typing import Any, TypeVar
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ddmhe._core import DdmheError, History, NotFiniteError, ShapeError, numbers
+
+Array = NDArray[np.float64]
+T = TypeVar("T")
+
+__all__ = [
+    "array",
+    "check_finite",
+    "check_flag",
+    "check_history",
+    "check_kind",
+    "check_number",
+    "check_whole",
+    "choice",
+    "shown",
+]
+
+LONGEST = 60
+"""Characters of what was given that a message shows."""
+MOST = 2**63 - 1
+"""Largest whole number that arrays can be indexed with."""
+
+
+def array(name: str, value: ArrayLike, shape: tuple[int, ...], *, missing: bool = False) -> Array:
+    """Real numbers as a float64 array of the shape, -1 for any length; a copy.
+
+    Masked entries, None and pandas.NA are NaN where they may be `missing`, else NotFiniteError; NaN and infinity pass.
+    """
+    found = numbers(name, value, missing)
+    fits = found.ndim == len(shape) and all(s in (-1, length) for s, length in zip(shape, found.shape, strict=True))
+    if not fits:
+        wanted = "a single number" if not shape else f"shape {_words(shape)}"
+        raise ShapeError(f"{name}: expected {wanted}, found {'a single number' if not found.ndim else found.shape}")
+    return found
+
+
+def _words(shape: tuple[int, ...]) -> str:
+    return f"({', '.join('any' if s < 0 else str(s) for s in shape)}{',' if len(shape) == 1 else ''})"
+
+
+def check_finite(name: str, M: Array) -> None:
+    """NotFiniteError naming the argument and the place."""
+    known = np.isfinite(M)
+    if not known.all():
+        place = ", ".join(map(str, np.argwhere(~known)[0]))
+        raise NotFiniteError(f"{name}: expected finite numbers, found {M[~known][0]} at ({place})")
+
+
+def check_number(name: str, value: Any, expected: str, fits: Callable[[float], bool]) -> None:
+    """DdmheError naming the argument unless the value is a finite real number that fits; True and False are none."""
+    if not math.isfinite(_real(value)) or not fits(_real(value)):
+        raise DdmheError(f"{name}: expected {expected}, found {shown(value)}")
+
+
+def _real(value: Any) -> float:
+    """A real number as a float; NaN for what is none."""
+    if not isinstance(value, Real) or isinstance(value, bool):
+        return math.nan
+    try:
+        return float(value)
+    except OverflowError:
+        return math.inf
+
+
+def check_whole(name: str, value: Any, least: int = 1, most: int = MOST, expected: str = "") -> None:
+    """DdmheError naming the argument unless the value is a whole number from `least` to `most`; True is none.
+
+    expected : how the expectation reads, where more can be said than these numbers
+    """
+    whole = isinstance(value, Integral) and not isinstance(value, bool)
+    if not whole or not least <= value <= most:
+        limit = f"a whole number of at least {least}" + (f", at most {most}" if most < MOST else "")
+        raise DdmheError(f"{name}: expected {expected or limit}, found {shown(value)}")
+
+
+def check_flag(name: str, value: Any) -> None:
+    """DdmheError naming the argument unless the value is True or False."""
+    if not isinstance(value, bool | np.bool_):
+        raise DdmheError(f"{name}: expected True or False, found {shown(value)}")
+
+
+def check_history(value: Any) -> History:
+    """The recording; DdmheError for anything else."""
+    return check_kind("history", value, History, "a History")
+
+
+def check_kind(name: str, value: Any, kind: type[T], words: str) -> T:
+    """The value, an object of the class; DdmheError naming the argument for any other."""
+    if not isinstance(value, kind):
+        raise DdmheError(f"{name}: expected {words}, found {shown(value)}")
+    return value
+
+
+def choice(name: str, value: Any, known: Any) -> Any:
+    """The value, one of the texts that are known; DdmheError naming the argument for any other."""
+    if not isinstance(value, str) or value not in known:
+        raise DdmheError(f"{name}: expected one of {', '.join(map(str, known))}, found {shown(value)}")
+    return value
+
+
+def shown(value: Any) -> str:
+    """What was given, short and in one line."""
+    try:
+        text = " ".join(repr(value).split())
+    except Exception:  # a whole number of more than 4300 digits, or whatever a class may do
+        return f"a {type(value).__name__} that cannot be printed"
+    return text if len(text) <= LONGEST else f"{text[:LONGEST]}… (a {type(value).__name__})"

@@ -1,0 +1,51 @@
+"""Files are whole or not there: written beside their place, forced onto the disk, and only then renamed."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from pathlib import Path
+
+from ddmhe._core import DdmheError
+
+__all__ = ["FileError", "write", "write_text"]
+
+
+class FileError(DdmheError):
+    """A file cannot be written."""
+
+
+def write(path: str | Path, save: Callable[[Path], object]) -> None:
+    """Write a file by `save(beside)`, which gets a path of the same ending in the same directory.
+
+    A file of that name stays as it is until the new one is complete. What is no ordinary file (a device, a pipe) is
+    written to directly. FileError names the path and the reason.
+    """
+    try:
+        place = Path(os.path.realpath(path))
+    except (TypeError, ValueError) as e:
+        raise FileError(f"path: expected the path of a file, found {path!r} ({e})") from e
+    special = place.exists() and not place.is_file()
+    beside = Path(path) if special else place.with_name(f".{place.stem}.{os.getpid()}{place.suffix}")
+    try:
+        save(beside)
+        if not special:
+            _force(beside)
+            beside.replace(place)
+    except OSError as e:
+        reason = e.strerror or str(e)
+        raise FileError(f"{path}: expected to be able to write this file, found: {reason}") from e
+    finally:
+        if not special:
+            beside.unlink(missing_ok=True)
+
+
+def write_text(path: str | Path, text: str) -> None:
+    """Write a text in UTF-8; as `write`."""
+    write(path, lambda beside: beside.write_text(text, encoding="utf-8"))
+
+
+def _force(path: Path) -> None:
+    """Onto the disk: some disks say only then that they are full."""
+    with open(path, "rb") as file:
+        os.fsync(file.fileno())
