@@ -553,6 +553,7 @@ def test_radii_below_the_smallest_are_refused_with_them_by_name():
         (lambda h: interval.from_history(h, names=(("a",), ("b",))), ddmhe.ShapeError, "names:"),
         (lambda h: interval.from_history(h, 1e300, 1e300), ddmhe.DdmheError, "_radius:|gain:|history:"),
         (lambda h: interval.from_history(scaled(h, 1e200)), ddmhe.DdmheError, "history: "),
+        (lambda h: interval.from_history(scaled(h, 1e-300), 1e10, 1e10), ddmhe.DdmheError, "history:"),
         (lambda h: interval.smallest_radii(3), ddmhe.DdmheError, "history:"),
         (lambda h: interval.kalman_gain(system(C=[[0.0, 0.0]], A=2 * np.eye(2)), 1.0, 1.0), ddmhe.DdmheError, "gain:"),
         (lambda h: interval.kalman_gain(interval.pendulum(), 1e200, 1e-200), ddmhe.DdmheError, "gain:"),

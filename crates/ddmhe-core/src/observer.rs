@@ -33,7 +33,7 @@ use crate::error::Error;
 use crate::interval::{Interval, points, weighted};
 use crate::zonotope::{Reduction, Zonotope, diagonal, inflation, reduce, row_sums};
 use contractor::{BACK, Past};
-use level::{inverse_diagonal, worst_distance};
+use level::{Peak, inverse_diagonal};
 use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
 use system::checked;
@@ -108,6 +108,7 @@ pub struct IntervalObserver<D> {
     disturbance: Vec<Interval>,  // D1 w (n)
     output_noise: Vec<Interval>, // D2 v (p)
     P_inverse: Vec<f64>,         // upper bounds of the diagonal (n)
+    peak: Peak,                  // P and the radii in the units of the level
     start: (Vec<f64>, Vec<f64>),
     // the present
     step: usize,
@@ -171,6 +172,7 @@ impl<D: Dynamics> IntervalObserver<D> {
             noise_error: noise_error.iter().map(|e| e * inflation(nw + nv)).collect(),
             disturbance: product(&system.D1, &system.w_radius, n),
             output_noise: product(&system.D2, &system.v_radius, p),
+            peak: Peak::new(&gain.P, &system.w_radius, &system.v_radius, n),
             P_inverse,
             start: (x0_center.to_vec(), x0_radius.to_vec()),
             inputs: system.B.len() / n,
@@ -219,7 +221,7 @@ impl<D: Dynamics> IntervalObserver<D> {
     pub fn reset(&mut self) {
         let (center, radius) = (self.start.0.clone(), self.start.1.clone());
         self.step = 0;
-        self.distance = worst_distance(&self.gain.P, &radius);
+        self.distance = self.peak.worst_distance(&radius);
         self.fade = 1.0;
         self.box_ = center.iter().zip(&radius).map(|(&c, &r)| Interval::about(c, r)).collect();
         self.generators = diagonal(&radius);

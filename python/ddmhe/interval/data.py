@@ -149,16 +149,21 @@ def from_history(
     w, v = (
         _admitted(name, value, low, kappa, of) for (name, value), low, of in zip(arguments, least, called, strict=True)
     )
-    T = to_theta
     rows, centers, spread = [], [], []
     for i, (target, radius) in enumerate(zip(targets.T, np.concatenate([w, v]), strict=True)):
         argument, row = ("w_radius", called[0][i]) if i < n else ("v_radius", called[1][i - n])
         low, high = _extent(U, target, float(radius), row, argument)
-        center = T @ (0.5 * (low + high))
-        # the residual that the rounded center leaves joins the box: β off by at most its projection
-        lost = np.abs(U.T @ (raw @ center - U @ (0.5 * (low + high)))).max()
-        side = 0.5 * (high - low) + lost + 1e-12 * np.abs(0.5 * (low + high))
-        rows.append([float(g) for g in (T * side).T.ravel()])
+        with np.errstate(over="ignore", invalid="ignore"):
+            center = to_theta @ (0.5 * (low + high))
+            # the residual that the rounded center leaves joins the box: β off by at most its projection
+            lost = np.abs(U.T @ (raw @ center - U @ (0.5 * (low + high)))).max()
+            side = 0.5 * (high - low) + lost + 1e-12 * np.abs(0.5 * (low + high))
+            box = (to_theta * side).T.ravel()
+        if not np.isfinite([*center, *box]).all():
+            raise DdmheError(
+                f"history: expected parameters within floats, found some beyond in row {row}; use other units"
+            )
+        rows.append([float(g) for g in box])
         centers.append(center)
         spread.append(float(side.max() / np.sqrt(len(X0)) * np.sqrt(n + 1)))
     theta = np.array(centers)

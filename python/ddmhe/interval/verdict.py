@@ -30,7 +30,7 @@ class Verdict:
     share: Array
     """Median full width over the recorded range (n,); infinite without a bound."""
     grows: Array
-    """Time from which on a growing width stays above the recorded range, s (n,); NaN: it does not grow, or ends below."""
+    """Time from which on a growing width stays above the recorded range, s (n,); NaN: there is none."""
     unbounded: Array
     """Time from which on there is no finite bound, s (n,); NaN: there is to the end."""
 

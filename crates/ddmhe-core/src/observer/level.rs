@@ -10,19 +10,74 @@ use crate::zonotope::{inflation, row_sums};
 use faer::linalg::solvers::DenseSolveCore;
 use faer::{Mat, Side};
 
+/// What the level needs of P and the radii, computed once.
+pub(super) struct Peak {
+    root: Vec<f64>,  // √P_ii (n)
+    ratio: Vec<f64>, // P_ij/√(P_ii P_jj) (n·n): ones on the diagonal
+    w: f64,          // ‖w̄‖, upward
+    v: f64,          // ‖v̄‖, upward
+}
+
+impl Peak {
+    /// P (n·n) with a positive diagonal.
+    pub(super) fn new(P: &[f64], w_radius: &[f64], v_radius: &[f64], n: usize) -> Self {
+        let root: Vec<f64> = (0..n).map(|i| P[i * n + i].sqrt()).collect();
+        let ratio = (0..n * n).map(|k| P[k] / root[k / n] / root[k % n]).collect();
+        Peak { root, ratio, w: norm(w_radius), v: norm(v_radius) }
+    }
+
+    /// max √(eᵀPe) over |e| ≤ r, upward: over the vertices of the box up to n = 10, √(Σ|P_ij| r_i r_j) beyond (a convex
+    /// function has its maximum at a vertex). In units of 1/√P_ii, and of the largest of them, no square leaves the floats.
+    pub(super) fn worst_distance(&self, r: &[f64]) -> f64 {
+        let n = r.len();
+        let mut reach: Vec<f64> = r.iter().zip(&self.root).map(|(r, root)| r * root).collect();
+        let largest = unit(reach.iter().copied());
+        if !reach.iter().all(|r| r.is_finite()) {
+            return f64::INFINITY;
+        }
+        reach.iter_mut().for_each(|r| *r /= largest);
+        let product = |i: usize, j: usize| self.ratio[i * n + j] * reach[i] * reach[j];
+        let sum = |sign: &dyn Fn(usize) -> f64| -> f64 {
+            (0..n).map(|i| (0..n).map(|j| product(i, j) * sign(i) * sign(j)).sum::<f64>()).sum()
+        };
+        let magnitude: f64 = (0..n).map(|i| (0..n).map(|j| product(i, j).abs()).sum::<f64>()).sum();
+        let worst = match n {
+            0..=10 => (0..1_u32 << (n - 1))
+                .map(|bits| sum(&|i| if bits >> i & 1 == 1 { -1.0 } else { 1.0 }))
+                .fold(0.0, f64::max),
+            _ => magnitude,
+        };
+        let level = worst + magnitude * (n * n + 16) as f64 * f64::EPSILON;
+        // TINY: what the reaches and the result may lose below the normal numbers
+        largest * level.sqrt() * inflation(2) + 2.0 * n as f64 * TINY
+    }
+}
+
+/// The largest of numbers of at least 0, or 1 if they are all 0: a unit in which they are at most 1.
+fn unit(numbers: impl Iterator<Item = f64>) -> f64 {
+    let largest = numbers.fold(0.0, f64::max);
+    if largest > 0.0 { largest } else { 1.0 }
+}
+
+/// ‖x‖₂ of numbers of at least 0, upward; no number if one of them is not finite.
+fn norm(x: &[f64]) -> f64 {
+    let unit = unit(x.iter().copied());
+    let sum: f64 = x.iter().map(|v| (v / unit) * (v / unit)).sum();
+    if sum == 0.0 { 0.0 } else { unit * sum.sqrt() * inflation(x.len()) + TINY }
+}
+
 impl<D: Dynamics> IntervalObserver<D> {
     /// √V̄ of the next sample: (41), then a distance of `rest`. Without all outputs (41) does not hold, but the zonotope does.
     pub(super) fn next_distance(&self, rest: &[f64], generators: &[f64], all: bool) -> f64 {
-        let g = &self.gain;
+        let (g, peak) = (&self.gain, &self.peak);
         if !self.distance.is_finite() && all || g.gamma.is_infinite() {
             return f64::INFINITY;
         }
         if !all {
-            return worst_distance(&g.P, &row_sums(self.n, generators));
+            return peak.worst_distance(&row_sums(self.n, generators));
         }
-        let power = norm(&[&self.system.w_radius[..], &self.system.v_radius].concat());
-        let contracted = libm::hypot((1.0 - g.lambda).sqrt() * self.distance, g.gamma.sqrt() * power);
-        (contracted * inflation(8) + worst_distance(&g.P, rest) + 4.0 * TINY) * inflation(2)
+        let parts = [(1.0 - g.lambda).sqrt() * self.distance, g.gamma.sqrt() * peak.w, g.gamma.sqrt() * peak.v];
+        (norm(&parts) * inflation(8) + peak.worst_distance(rest) + 4.0 * TINY) * inflation(2)
     }
 
     /// The ball of (44) and the ellipsoid's box.
@@ -30,69 +85,21 @@ impl<D: Dynamics> IntervalObserver<D> {
         if !distance.is_finite() {
             return (vec![Interval::ENTIRE; self.n], vec![Interval::ENTIRE; self.n]);
         }
-        let g = &self.gain;
-        // all in a unit, a power of two, in which the largest is about one: what underflows there is below the slack
-        let (w, v) = (norm(&self.system.w_radius), norm(&self.system.v_radius));
-        let unit = exponent(distance.max(w).max(v));
-        let square = |x: f64| libm::scalbn(x, -unit).powi(2);
-        let (level, w, v) = (square(distance), square(w), square(v));
+        let (g, peak) = (&self.gain, &self.peak);
+        // all in the unit of the largest: what underflows there is below the slack
+        let unit = unit([distance, peak.w, peak.v].into_iter());
+        let square = |x: f64| (x / unit) * (x / unit);
+        let (level, w, v) = (square(distance), square(peak.w), square(peak.v));
         // λV̄ + (μ_w - γ)w̄² + (μ_v - γ)v̄² from (23); the printed (44) lets the sum in V̄ run to infinity
         let tail = if self.method == Method::Paper { g.gamma * fade * (w + v) } else { 0.0 };
         let inner = g.lambda * level + (g.mu_w - g.gamma) * w + (g.mu_v - g.gamma) * v + tail;
         let slack = 8.0 * f64::EPSILON * (g.lambda * level + (g.mu_w + g.mu_v + g.gamma) * (w + v)) + f64::MIN_POSITIVE;
-        let phi = libm::scalbn((g.mu_w + g.mu_v).sqrt() * (inner + slack).max(0.0).sqrt() * inflation(8), unit);
-        let boxed = |radius: &dyn Fn(usize) -> f64| {
+        let phi = unit * ((g.mu_w + g.mu_v).sqrt() * (inner + slack).max(0.0).sqrt() * inflation(8)) + TINY;
+        let boxed = |radius: &dyn Fn(usize) -> f64| -> Vec<Interval> {
             (0..self.n).map(|i| Interval::about(center[i], radius(i) + 4.0 * TINY)).collect()
         };
-        (
-            boxed(&|i| (phi + TINY) / g.weights[i] * inflation(1)),
-            boxed(&|i| distance * self.P_inverse[i].sqrt() * inflation(8)),
-        )
+        (boxed(&|i| phi / g.weights[i] * inflation(1)), boxed(&|i| distance * self.P_inverse[i].sqrt() * inflation(8)))
     }
-}
-
-/// The exponent of two of x ≥ 0, for units; 0 for 0.
-fn exponent(x: f64) -> i32 {
-    if x > 0.0 && x.is_finite() { libm::ilogb(x) } else { 0 }
-}
-
-/// ‖x‖₂, upward.
-fn norm(x: &[f64]) -> f64 {
-    let unit = exponent(x.iter().fold(0.0, |m, v| m.max(v.abs())));
-    let sum: f64 = x.iter().map(|v| libm::scalbn(*v, -unit).powi(2)).sum();
-    let root = libm::scalbn((sum * inflation(x.len())).sqrt() * inflation(2), unit);
-    if root > 0.0 { root + TINY } else { root }
-}
-
-/// max √(eᵀPe) over |e| ≤ r, upward: over the vertices of the box up to n = 10, √(Σ|P_ij| r_i r_j) beyond (a convex
-/// function has its maximum at a vertex).
-pub(super) fn worst_distance(P: &[f64], r: &[f64]) -> f64 {
-    let n = r.len();
-    // in units of 1/√P_ii, and of the largest of them: P has a diagonal of ones, and no square leaves the floats
-    let root: Vec<f64> = (0..n).map(|i| P[i * n + i].sqrt()).collect();
-    let reach: Vec<f64> = r.iter().zip(&root).map(|(r, root)| r * root).collect();
-    let largest = reach.iter().copied().fold(0.0, f64::max);
-    if reach.iter().any(|r| !r.is_finite()) {
-        return f64::INFINITY;
-    }
-    let unit = exponent(largest);
-    let reach: Vec<f64> = reach.iter().map(|r| libm::scalbn(*r, -unit)).collect();
-    let entry = |i: usize, j: usize| P[i * n + j] / root[i] / root[j] * reach[i] * reach[j];
-    let products: Vec<f64> = (0..n * n).map(|k| entry(k / n, k % n)).collect();
-    let sum = |sign: &dyn Fn(usize) -> f64| -> f64 {
-        (0..n).map(|i| (0..n).map(|j| products[i * n + j] * sign(i) * sign(j)).sum::<f64>()).sum()
-    };
-    let magnitude: f64 = products.iter().map(|v| v.abs()).sum();
-    let worst = match n {
-        0..=10 => {
-            (0..1_u32 << (n - 1)).map(|bits| sum(&|i| if bits >> i & 1 == 1 { -1.0 } else { 1.0 })).fold(0.0, f64::max)
-        }
-        _ => magnitude,
-    };
-    let level = worst + magnitude * (n * n + 16) as f64 * f64::EPSILON;
-    let distance = libm::scalbn(level.sqrt() * inflation(2), unit);
-    // what the reaches lost below the normal numbers
-    if r.iter().any(|r| *r > 0.0) { distance + 2.0 * n as f64 * TINY } else { distance }
 }
 
 /// Upper bounds of the diagonal of P⁻¹.
