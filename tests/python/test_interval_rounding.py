@@ -107,6 +107,26 @@ def test_reductions_hulls_and_supports_hold_the_exact_set(kind, method):
             assert reach(*parts(Z), exact(d)) <= Fraction(Z.support(d)), trial
 
 
+def test_no_point_of_a_thin_set_is_refused():
+    """Dyadic numbers: p + M ξ is exact. Sets flat or nearly so, rows in several units."""
+    rng = np.random.default_rng(7)
+    outside = 0
+    for trial in range(2000):
+        n, m = int(rng.integers(2, 6)), int(rng.integers(1, 9))
+        rank = int(rng.integers(1, n + 1))
+        M = (rng.integers(-8, 9, (n, rank)) @ rng.integers(-8, 9, (rank, m))).astype(float)
+        M += rng.integers(-2, 3, (n, m)) * 0.5 ** int(rng.choice([20, 30, 36, 40])) * (rng.random() < 0.7)
+        M *= 2.0 ** rng.integers(-3, 4, (n, 1))
+        center, xi = rng.integers(-4, 5, n).astype(float), rng.choice([-1.0, -1.0, 0.5, 1.0, 1.0], m)
+        Z, x = ddmhe.Zonotope(center, M), center + M @ xi
+        assert Z.contains(x), trial
+        # and a point well beyond it in the direction of one of its supports is
+        d = rng.standard_normal(n)
+        far = center + (M * np.where(d @ M >= 0, 1, -1)).sum(axis=1) + 0.01 * (1 + np.abs(M).sum(axis=1).max()) * d
+        outside += not Z.contains(far)
+    assert outside == 2000
+
+
 def test_what_rounds_nothing_stays_as_it_is():
     Z = ddmhe.Zonotope([1.0, -2.5], [[0.5, 3.0, 0.0], [0.25, -1.0, 7.0]])
     turned = Z.linear_map([[0.0, -2.0], [4.0, 0.0]])

@@ -250,13 +250,16 @@ impl Zonotope {
         if proves(&vec![0.0; columns.len() / d.len()]) {
             return Ok(true);
         }
-        let Some((xi, y)) = qp::least_max_norm(&columns, &d) else { return Ok(false) };
+        let Some((xi, y)) = qp::least_max_norm(&columns, &d) else { return Ok(true) };
         if proves(&xi) {
             return Ok(true);
         }
-        // a plane with normal y between the point and the set, however good y is
+        // only a plane between the point and the set refuses it, its normal y however good; in units of the half widths
+        // the products and the divisions round by this much
         let reach: f64 = columns.chunks_exact(d.len()).map(|g| map(&y, g)[0].abs()).sum();
-        Ok(map(&y, &d)[0] <= reach * room)
+        let size: f64 = y.iter().zip(&d).map(|(y, d)| y.abs() * (1.0 + d.abs())).sum();
+        let apart = map(&y, &d)[0] > reach * room + (n as f64 + 6.0) * f64::EPSILON * size;
+        Ok(!apart)
     }
 
     /// Exponents of two of each row's largest number, those of x (n) among them.
