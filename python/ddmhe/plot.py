@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
     from ddmhe.design import AffineModel, PolePlacement
     from ddmhe.design.regions import Region
-    from ddmhe.reproduce.montecarlo import Trials
+    from ddmhe.reproduce.montecarlo import Trial, Trials
 
 Array = NDArray[np.float64]
 
@@ -31,6 +31,7 @@ __all__ = [
     "heat_figure",
     "intervals_figure",
     "outputs_figure",
+    "parameter_figure",
     "pole_figure",
     "sweep_figure",
     "trials_figure",
@@ -215,12 +216,12 @@ def trials_figure(
     *,
     names: Sequence[str],
     quantity: str,
-    estimators: Sequence[str],
+    colors: Mapping[str, str],
     scale: float = 1.0,
     event: tuple[float, float] | None = None,
     band: float | None = None,
 ) -> Figure:
-    """True and estimated states of the first seed, a panel per state; below, the errors of all seeds on a log axis.
+    """History, true and estimated states of the first seed, a panel per state; below, the errors of all seeds.
 
     Parameters
     ----------
@@ -228,34 +229,26 @@ def trials_figure(
         An experiment of `ddmhe.reproduce`.
     names : n names of the states
     quantity : label with its unit in brackets, of states times `scale`
-    estimators : which to draw
+    colors : which estimators to draw, and their colours
     event : when noise or disturbance is large, s
-    band : half width of the constraint around the box's centre, in the states' unit: drawn as a level of the error
+    band : half width of the box around the first seed's centre, in the states' unit: drawn about the centre, with a
+        mark wherever one of its bounds was active
     """
     n = len(names)
-    figure = Figure(figsize=(9.5, 2.2 * n + 3.4), layout="constrained")
+    figure = Figure(figsize=(9.5, 2.2 * n + 3.8), layout="constrained")
     panels = np.atleast_1d(figure.subplots(n + 1, 1, sharex=True, height_ratios=[2] * n + [3]))
     first = trials.all[0]
     for i, (axes, name) in enumerate(zip(panels[:n], names, strict=True)):
-        truth = scale * first.x[:, i]
-        axes.plot(trials.t, truth, color="0.2", label="true", **_TRUTH)
-        room = max(float(np.ptp(truth)), 1e-12)
-        for k, estimator in enumerate(estimators):
-            axes.plot(trials.t, scale * first.x_hat[estimator][:, i], color=_color(k), label=estimator, **_ESTIMATE)
-        axes.set_ylim(truth.min() - 0.4 * room, truth.max() + 0.4 * room)
+        _draw_first(axes, first, i, scale, colors, band)
         axes.set_ylabel(f"{name}\n{quantity}" if n == 1 else f"{name} ({quantity.split('(')[-1]}")
-        axes.grid(alpha=0.3)
     below = panels[n]
     floor, top = np.inf, 0.0
-    for k, estimator in enumerate(estimators):
-        lo, median, hi = scale * trials.band(estimator)
-        below.plot(trials.t, median, color=_color(k), **_ESTIMATE)
-        below.fill_between(trials.t, lo, np.minimum(hi, 1e12), color=_color(k), alpha=0.15, linewidth=0)
+    for name, color in colors.items():
+        lo, median, hi = scale * trials.band(name)
+        below.plot(trials.t, median, color=color, **_ESTIMATE)
+        below.fill_between(trials.t, lo, np.minimum(hi, 1e12), color=color, alpha=0.15, linewidth=0)
         floor = min(floor, float(np.min(np.where(median > 0, median, np.inf)[5:])))
         top = max(top, float(np.max(np.where(np.isfinite(median), median, 0.0))))
-    if band is not None:
-        below.axhline(scale * band, color="0.4", linestyle="--", linewidth=1, label="half width of the box")
-        below.legend(loc="upper left", fontsize="x-small")
     spread = scale * float(np.abs(first.x).max())
     below.set_yscale("log")
     below.set_ylim(max(floor / 2, 1e-9 * spread), min(3 * top, 100 * spread))
@@ -265,19 +258,81 @@ def trials_figure(
     for axes in panels:
         if event is not None:
             axes.axvspan(*event, color="tab:red", alpha=0.08, zorder=0)
-    panels[0].legend(loc="upper right", ncols=2, fontsize="x-small")
+        if first.history is not None:
+            _shade(axes, first.history[0])
+    handles, labels = panels[0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside upper center", ncols=4, fontsize="x-small")
+    return figure
+
+
+def _draw_first(
+    axes: Axes, first: Trial, i: int, scale: float, colors: Mapping[str, str], band: float | None = None
+) -> None:
+    """State i of one trial: history, truth, box and estimates."""
+    truth = scale * first.x[:, i]
+    shown = truth
+    if first.history is not None:
+        recorded = scale * first.history[1][:, i]
+        axes.plot(first.history[0], recorded, color="0.2", **_TRUTH)
+        shown = np.concatenate([recorded, truth])
+    axes.plot(first.t, truth, color="0.2", label="true; shaded: history", **_TRUTH)
+    if band is not None and first.center is not None and first.active is not None:
+        middle, half = scale * first.center[:, i], scale * band
+        acts = first.active > 0
+        label = f"box of {next(iter(colors))}: active at {acts.sum()} of {len(acts)} samples"
+        axes.fill_between(first.t, middle - half, middle + half, color="0.7", alpha=0.35, linewidth=0, label=label)
+        for side in (middle - half, middle + half):
+            axes.plot(first.t[acts], side[acts], ".", color="0.3", markersize=3)
+    for name, color in colors.items():
+        axes.plot(first.t, scale * first.x_hat[name][:, i], color=color, label=name, **_ESTIMATE)
+    room = max(float(np.ptp(shown)), 1e-12)
+    axes.set_ylim(shown.min() - 0.25 * room, shown.max() + 0.25 * room)
+    axes.grid(alpha=0.3)
+
+
+def parameter_figure(sweep: Mapping[str, Trials], *, quantity: str, colors: Mapping[str, str]) -> Figure:
+    """History, true and estimated state of the first seed for several settings, a panel per estimator.
+
+    Parameters
+    ----------
+    sweep : Trials of one state by the setting's label
+    quantity : label of the state with its unit in brackets
+    colors : the estimators and their colours; a setting is a shade of it, light for the first
+    """
+    figure = Figure(figsize=(9.5, 3.2 * len(colors)), layout="constrained")
+    for axes, (name, color) in zip(
+        figure.subplots(len(colors), 1, sharex=True, squeeze=False)[:, 0], colors.items(), strict=True
+    ):
+        _draw_first(axes, next(iter(sweep.values())).all[0], 0, 1.0, {})
+        for k, (label, trials) in enumerate(sweep.items()):
+            shade = 0.3 + 0.7 * k / max(len(sweep) - 1, 1)
+            first = trials.all[0]
+            axes.plot(first.t, first.x_hat[name][:, 0], color=color, alpha=shade, label=label, **_ESTIMATE)
+        history = next(iter(sweep.values())).all[0].history
+        if history is not None:
+            _shade(axes, history[0])
+        axes.set_ylabel(f"{name}\n{quantity}")
+        axes.legend(loc="upper right", fontsize="x-small", ncols=2)
+    figure.axes[-1].set_xlabel("time (s)")
     return figure
 
 
 def sweep_figure(
-    values: Array, curves: Mapping[str, Array], parameter: str, quantity: str, *, chosen: float | None = None
+    values: Array,
+    curves: Mapping[str, Array],
+    parameter: str,
+    quantity: str,
+    *,
+    chosen: float | None = None,
+    colors: Mapping[str, str] | None = None,
 ) -> Figure:
     """Errors over a parameter on log axes: curves (K, 3) with the ends of the 90 % band about the median."""
     figure = Figure(figsize=(8, 4.8), layout="constrained")
     axes = figure.subplots()
     for k, (name, curve) in enumerate(curves.items()):
-        axes.plot(values, curve[:, 1], "o-", color=_color(k), label=name)
-        axes.fill_between(values, curve[:, 0], curve[:, 2], color=_color(k), alpha=0.15, linewidth=0)
+        color = _color(k) if colors is None else colors[name]
+        axes.plot(values, curve[:, 1], "o-", color=color, label=name)
+        axes.fill_between(values, curve[:, 0], curve[:, 2], color=color, alpha=0.15, linewidth=0)
     medians = np.concatenate([curve[:, 1] for curve in curves.values()])
     axes.set_ylim(0.1 * medians.min(), 30 * medians[np.isfinite(medians)].max())  # a band may end at infinity
     if chosen is not None:
@@ -315,10 +370,17 @@ def heat_figure(
     return figure
 
 
-def intervals_figure(t: Array, x: Array, bounds: Mapping[str, tuple[Array, Array]], names: Sequence[str]) -> Figure:
+def intervals_figure(
+    t: Array,
+    x: Array,
+    bounds: Mapping[str, tuple[Array, Array]],
+    names: Sequence[str],
+    *,
+    colors: Mapping[str, str] | None = None,
+) -> Figure:
     """True states (N, n), NaN where unknown, and (lower, upper) of each method, a panel per state.
 
-    `names` are the states' labels with their units.
+    `names` are the states' labels with their units, `colors` those of the methods.
     """
     figure = Figure(figsize=(10, 3.4 * len(names)), layout="constrained")
     for i, axes in enumerate(figure.subplots(len(names), 1, sharex=True, squeeze=False)[:, 0]):
@@ -329,7 +391,8 @@ def intervals_figure(t: Array, x: Array, bounds: Mapping[str, tuple[Array, Array
         for k, (name, (lower, upper)) in enumerate(bounds.items()):
             near = 0.5 * upper[:, i] - 0.5 * lower[:, i] < 50 * max(spread, widest)
             for side, label in ((lower, name), (upper, None)):
-                axes.plot(t, np.where(near, side[:, i], np.nan), color=_color(k), label=label, **_ESTIMATE)
+                color = _color(k) if colors is None else colors[name]
+                axes.plot(t, np.where(near, side[:, i], np.nan), color=color, label=label, **_ESTIMATE)
             if not len(known):
                 known = (0.5 * lower[:, i] + 0.5 * upper[:, i])[near]
         if np.isfinite(x[:, i]).any():
@@ -343,12 +406,15 @@ def intervals_figure(t: Array, x: Array, bounds: Mapping[str, tuple[Array, Array
     return figure
 
 
-def widths_figure(t: Array, widths: Mapping[str, Array], names: Sequence[str]) -> Figure:
+def widths_figure(
+    t: Array, widths: Mapping[str, Array], names: Sequence[str], *, colors: Mapping[str, str] | None = None
+) -> Figure:
     """Full width (N, n) of each method's bounds over time on a log axis, a panel per state."""
     figure = Figure(figsize=(10, 3.4 * len(names)), layout="constrained")
     for i, axes in enumerate(figure.subplots(len(names), 1, sharex=True, squeeze=False)[:, 0]):
         for k, (name, width) in enumerate(widths.items()):
-            axes.plot(t, width[:, i], color=_color(k), label=name, linestyle=["-", "--"][k % 2], linewidth=1.4)
+            color = _color(k) if colors is None else colors[name]
+            axes.plot(t, width[:, i], color=color, label=name, linestyle=["-", "--"][k % 2], linewidth=1.4)
         axes.set(yscale="log", ylabel=f"full width of the bounds of {names[i]}")
         axes.grid(alpha=0.3)
     figure.axes[0].legend(fontsize="x-small", ncols=3, loc="upper right")

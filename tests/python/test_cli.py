@@ -392,7 +392,7 @@ def test_interval_of_the_pendulum(tmp_path):
     assert float(row[0]) < 0.024
     assert float(row[1]) < 0.16
     assert row[2] == "0"
-    assert (tmp_path / "pendulum.png").read_bytes().startswith(PNG)
+    assert (tmp_path / "pendulum-fig1.png").read_bytes().startswith(PNG)
 
 
 def test_bounds_that_say_nothing_are_refused(tmp_path):

@@ -111,10 +111,11 @@ class PolePlacement:
     def _limits(self) -> Iterator[str]:
         n = len(self.poles_identified)
         if self.rank < self.required_rank:
+            only = "no free gain but L = A^-T C^T, which does not stabilise"
             yield (
                 f"The rank condition (44) fails: the recorded differences have rank {self.rank}, not n + p = "
-                f"{self.required_rank}, as those of any noise-free autonomous system do. The pseudo-inverse then "
-                "leaves no free gain but L = A^-T C^T, which does not stabilise."
+                f"{self.required_rank}, which no noise-free recording of a linear autonomous system reaches. The "
+                f"pseudo-inverse then leaves {only if self.rank <= n else 'fewer gains than there are'}."
             )
         if self.lower_bound >= 1:
             yield (
@@ -271,8 +272,8 @@ def _dual_data(history: History) -> _DualData:
 def _rounding(history: History, size: Array, columns: int) -> float:
     """Singular values of [X1; Y0]/size below this may be rounding.
 
-    A sample is off by eps times its channel's largest, a difference of two by twice that, and singular values move by no
-    more than the Frobenius norm. The margin is for outputs that were computed in several operations.
+    A sample is off by eps times its channel's largest, a difference of two by twice that, and singular values move by
+    no more than the Frobenius norm. The margin is for outputs that were computed in several operations.
     """
     largest = [np.concatenate([np.abs(r[k]) for r in history.recordings]).max(axis=0) for k in (0, 1)]
     error = 2 * EPS * np.concatenate(largest) / size[:, 0]

@@ -1,39 +1,54 @@
-"""The numbers of Algorithm 2 for both experiments, and what stands against them."""
+"""The numbers of Algorithm 2 for both experiments, and what stands against them.
+
+`pole_placement` computes in the units of its recording. The paper's rates are in deg/s, and with them the result does
+not depend on the sampling interval, which it does not print; in rad/s the same recording gives other numbers.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 import pandas as pd
+import scipy.optimize
 
 from ddmhe import demo, models
-from ddmhe._core import DdMhe, DdmheError, Exact, History
-from ddmhe.design import ioss, pole_placement, scalar_certificate
-from ddmhe.reproduce import bench
+from ddmhe._core import DdmheError, History
+from ddmhe.design import PolePlacement, pole_placement
+from ddmhe.reproduce import bench, theory
 from ddmhe.reproduce.claims import Claim, holds_if
 
-__all__ = ["claims", "placements", "recordings"]
+__all__ = ["claims", "nearest", "placements", "recordings"]
+
+PRINTED = {"bench": (1.2705e-19, 3.3307e-14), "3-DOF": (0.4614, 21.1561)}
+"""ρ0 and μ0 as printed."""
+CLEAN, DEGREES = "3-DOF, no noise", "3-DOF, no noise, deg/s"
+INTERVALS = (0.1, 0.5, 1.0)
+"""Sampling intervals at which Algorithm 2 is tried on the 3-DOF case, s."""
 
 
 def recordings(seed: int = 0) -> dict[str, History]:
     """Recordings of both experiments, with and without noise."""
     T = round(bench.HISTORY / bench.DT)
-    brake = models.spin_down(encoder_counts=bench.ENCODER).simulate(
-        bench.HISTORY, bench.DT, noise=bench.NOISE, seed=seed
-    )
+    brake = bench.NOMINAL.model.simulate(bench.HISTORY, bench.DT, noise=bench.NOMINAL.deviation, seed=seed)
     pure = models.spin_down().simulate(bench.HISTORY, bench.DT)
     target = models.detumbling()
     noisy = target.simulate(demo.HISTORY, demo.DT, noise=0.01, seed=seed)
-    clean = target.simulate(demo.HISTORY, demo.DT)
     rate = noisy.x + 1e-4 * np.random.default_rng(seed).standard_normal(noisy.x.shape)
     return {
         "bench": History(brake.x_recorded, brake.y[:T], dt=bench.DT),
         "bench, no noise": History(pure.x, pure.y[:T], dt=bench.DT),
         "3-DOF": History(rate, noisy.y[: demo.T], dt=demo.DT),
-        "3-DOF, no noise": History(clean.x, clean.y[: demo.T], dt=demo.DT),
+        CLEAN: _clean(demo.DT),
+        DEGREES: _clean(demo.DT, 180 / np.pi),
     }
+
+
+def _clean(dt: float, unit: float = 1.0) -> History:
+    """The 3-DOF recording without noise, its rates times `unit`."""
+    record = models.detumbling().simulate(demo.HISTORY, dt)
+    return History(unit * record.x, record.y[:-1], dt=dt)
 
 
 def placements(histories: Mapping[str, History]) -> pd.DataFrame:
@@ -53,104 +68,193 @@ def placements(histories: Mapping[str, History]) -> pd.DataFrame:
                 "mu0 as printed": found.mu0,
                 "rho0 in the model": found.rho0_identified,
                 "rho0 of any gain at least": found.lower_bound,
+                "arbitrary": found.arbitrary,
                 "outcome": found.words,
             }
         )
     return pd.DataFrame(rows)
 
 
+def nearest(history: History, rho0: float, mu0: float) -> dict[str, tuple[float, float, float]]:
+    """(radius, ρ0, μ0) of Algorithm 2 with identities for Q and R: nearest to ρ0, to μ0, and to both at once.
+
+    ρ0 is 6 r² where the disc binds, μ0 falls as the radius grows; both is judged by the larger of the two ratios.
+    """
+    tried: dict[float, tuple[float, float]] = {}
+
+    def at(radius: float) -> tuple[float, float]:
+        if radius not in tried:
+            found = pole_placement(history, radius, attempts=1)
+            tried[radius] = found.rho0, found.mu0
+        return tried[radius]
+
+    def ratios(radius: float) -> tuple[float, float]:
+        rho, mu = at(radius)
+        if not (np.isfinite(rho) and rho > 0 and mu > 0):
+            return np.inf, np.inf
+        return abs(float(np.log(rho / rho0))), abs(float(np.log(mu / mu0)))
+
+    grid = np.linspace(0.05, 0.95, 19)
+    best = {}
+    costs: dict[str, Callable[[float], float]] = {
+        "rho0": lambda r: ratios(r)[0],
+        "mu0": lambda r: ratios(r)[1],
+        "both": lambda r: max(ratios(r)),
+    }
+    for key, cost in costs.items():
+        k = int(np.argmin([cost(r) for r in grid]))
+        ends = grid[max(k - 1, 0)], grid[min(k + 1, len(grid) - 1)]
+        radius = float(scipy.optimize.minimize_scalar(cost, bounds=ends, method="bounded", options={"xatol": 1e-4}).x)
+        best[key] = (radius, *at(radius))
+    return best
+
+
 def claims(table: pd.DataFrame, histories: Mapping[str, History]) -> list[Claim]:
-    """Verdicts on ρ0, μ0 of both experiments, on (44) and on (34)."""
+    """Verdicts on ρ0, μ0 of both experiments, on (44), and on the theorems."""
     row = table.set_index("recording")
-    bound = float(row["rho0 of any gain at least"]["3-DOF, no noise"])
-
-    def number(name: str, column: str) -> str:
-        value = row[column][name]
-        return f"{value:.4g}" if np.isfinite(value) else "no gain found"
-
-    def all_of(kind: str, column: str) -> str:
-        return f"noisy {number(kind, column)}, noise-free {number(kind + ', no noise', column)}"
-
-    def close(kind: str, column: str, printed: float) -> bool:
-        names = (kind, kind + ", no noise")
-        return any(abs(row[column][name] - printed) <= 0.1 * abs(printed) for name in names)
-
-    certificate = ioss(histories["3-DOF, no noise"], 0.95)
-    printed, error = _counterexample()
-    arbitrary = "with noise in at least 2n + p columns A_L = 0, L = 0 solves (56) for any system: such numbers are "
     return [
-        Claim(
-            "IV-A, Algorithm 2",
-            "ρ0 of the bench",
-            "1.2705e-19",
-            all_of("bench", "rho0 as printed"),
-            holds_if(close("bench", "rho0 as printed", 1.2705e-19)),
-            arbitrary
-            + "rounding errors, not properties of the bench; in the identified model the same gain has ρ0 = "
-            + number("bench", "rho0 in the model"),
-        ),
-        Claim(
-            "IV-A, Algorithm 2",
-            "μ0 of the bench",
-            "3.3307e-14",
-            all_of("bench", "mu0 as printed"),
-            holds_if(close("bench", "mu0 as printed", 3.3307e-14)),
-            arbitrary + "rounding errors of L = 0",
-        ),
-        Claim(
-            "IV-B, Algorithm 2",
-            "ρ0 of the 3-DOF case",
-            "0.4614",
-            all_of("3-DOF", "rho0 as printed"),
-            holds_if(bound <= 0.4614),
-            f"impossible: the torque does not show the rate along B, so ρ0 >= {bound:.4g} for every gain",
-        ),
-        Claim(
-            "IV-B, Algorithm 2",
-            "μ0 of the 3-DOF case",
-            "21.1561",
-            all_of("3-DOF", "mu0 as printed"),
-            holds_if(close("3-DOF", "mu0 as printed", 21.1561)),
-            "(24) has no solution there, so neither has Algorithm 2",
-        ),
-        Claim(
-            "(44)",
-            "Rank [X1; Y0] = n + p for the recorded differences",
-            "n + p",
-            "; ".join(f"{name}: {row['rank of (44)'][name]}" for name in row.index),
-            "holds with …",
-            "with noise or nonlinearity only: noise-free data of an autonomous linear system have rank at most n",
-        ),
-        Claim(
-            "Assumption 2, Theorem 1",
-            "The error bound is stable for the 3-DOF case",
-            "",
-            f"weighted certificate: η = 0.95, cond P = {certificate.condition:.3g}, horizon {certificate.horizon}",
-            "holds with …",
-            "not by (24), which is impossible there, but with weights P, Q, R (Schiller et al. 2023)",
-        ),
-        Claim(
-            "Theorem 2, (34)",
-            "The error never exceeds (34)",
-            "",
-            f"x⁺ = 0.9x + w, y = 100x: error {error:.3g} where (34) allows {printed:.3g}",
-            holds_if(error <= printed),
-            "w(t-1) is in no output up to t-1, so it counts fully, not times √μ; Certificate.error_bound is corrected",
-        ),
+        *theory.claims(histories[CLEAN]),
+        _rank(row),
+        *_bench_numbers(row),
+        *_satellite_numbers(row, histories),
+        *_remark_4(row),
     ]
 
 
-def _counterexample() -> tuple[float, float]:
-    """(34) as printed and the error after 20 steps of x⁺ = 0.9 x + 0.1, y = 100 x with ρ = 0.1, μ = 1e-3, M = 1."""
-    rho, mu, M, w = 0.1, 1e-3, 1, 0.1
-    x = 0.9 ** np.arange(31.0)[:, None]
-    history = History(x, 100 * x[:-1])
-    scalar_certificate([[0.9]], [[100.0]], [[-0.009]], rho, mu)  # raises unless (24) holds
-    estimator = DdMhe(history, M, rho, mu, x_prior=[1.0], space=Exact())
-    truth = [1.0]
-    for _ in range(20):
-        truth.append(0.9 * truth[-1] + w)
-    estimate = estimator.run(100 * np.array(truth[:-1])[:, None]).x[-1, 0]
-    kappa = (4 * rho**M) ** (1 / M)
-    printed = sum(np.sqrt(kappa) ** (19 - j) * np.sqrt(mu) * w for j in range(20))
-    return float(printed), abs(float(estimate) - truth[-1])
+def _number(value: float) -> str:
+    return f"{value:.4g}" if np.isfinite(value) else "no gain found"
+
+
+def _rank(row: pd.DataFrame) -> Claim:
+    found = {name: tuple(map(int, str(row["rank of (44)"][name]).split(" of "))) for name in row.index}
+    full = {name: rank == required for name, (rank, required) in found.items()}
+    noisy = all(full[name] for name in full if "no noise" not in name)
+    clean = any(full[name] for name in full if "no noise" in name)
+    return Claim(
+        "A-A, (44)",
+        "[X1; Y0] of the recorded differences has rank n + p",
+        "n + p",
+        "; ".join(f"{name}: {rank} of {required}" for name, (rank, required) in found.items()),
+        "holds with …" if noisy and not clean else holds_if(noisy and clean),
+        "with noise only: noise-free data of (42) have [X1; Y0] = [A; C] X0 of rank at most n; the nonlinearity of the "
+        "3-DOF motion adds 2 directions, since Y0 = C X0 with rank C = 2 stays exact. Judged against the "
+        "rounding of the "
+        "differences (46)",
+    )
+
+
+def _bench_numbers(row: pd.DataFrame) -> list[Claim]:
+    arbitrary = bool(row["arbitrary"]["bench"])
+    rows = []
+    for symbol, column, printed in zip(
+        ("ρ0", "μ0"), ("rho0 as printed", "mu0 as printed"), PRINTED["bench"], strict=True
+    ):
+        noisy, clean = row[column]["bench"], row[column]["bench, no noise"]
+        rows.append(
+            Claim(
+                "IV-A2, Algorithm 2",
+                f"{symbol} of the bench",
+                f"{printed:g}",
+                f"our bench: {_number(noisy)}, without noise {_number(clean)}",
+                "cannot be checked" if arbitrary else holds_if(abs(noisy - printed) <= 0.1 * printed),
+                "with noise in at least 2n + p columns A_L = 0, L = 0 solves (56) for any system: the digits are the "
+                "solver's zero, and say nothing about a bench",
+            )
+        )
+    rho0, mu0 = PRINTED["bench"]
+    # |A| = |A_L - L C| ≤ √(ρ0/6) + √(μ0/6) |C|
+    least = {decay: (1 - bench.DT / decay - np.sqrt(rho0 / 6)) / np.sqrt(mu0 / 6) for decay in (0.1, 1.0)}
+    largest = max(each.C for each in bench.FAMILY)
+    rows.append(
+        Claim(
+            "IV-A2, (24)",
+            "ρ0 and μ0 of the bench satisfy (24)",
+            "1.2705e-19, 3.3307e-14",
+            ", ".join(f"decay of {decay:g} s: |C| ≥ {C:.2g} N·m·s" for decay, C in least.items()),
+            holds_if(min(least.values()) <= 1e3 * largest),
+            "|A| ≤ √(ρ0/6) + √(μ0/6)|C| for n = p = 1: the pair needs a brake of 10 million N·m per "
+            "rad/s. Criterion: within "
+            f"1000 times the largest C of the family, {largest:g} N·m·s",
+        )
+    )
+    return rows
+
+
+def _satellite_numbers(row: pd.DataFrame, histories: Mapping[str, History]) -> list[Claim]:
+    rho0, mu0 = PRINTED["3-DOF"]
+    best = nearest(histories[DEGREES], rho0, mu0)
+    others = [_clean(dt, 180 / np.pi) for dt in INTERVALS[1:]]
+    again = [pole_placement(each, best["mu0"][0], attempts=1) for each in others]
+    (r_rho, rho, mu_there), (r_mu, rho_there, mu), (r, both_rho, both_mu) = best["rho0"], best["mu0"], best["both"]
+    factor = float(np.exp(max(abs(np.log(both_rho / rho0)), abs(np.log(both_mu / mu0)))))
+    reached = abs(rho / rho0 - 1) < 0.01 and abs(mu / mu0 - 1) < 0.05 and factor < 2
+    bound = float(row["rho0 of any gain at least"][CLEAN])
+    return [
+        Claim(
+            "IV-B, Algorithm 2",
+            "ρ0 and μ0 of the 3-DOF case are what Algorithm 2 returns",
+            "0.4614, 21.1561",
+            f"in deg/s: r = {r_rho:.4g} gives ρ0 = {rho:.4f} (μ0 = {mu_there:.4g}), r = {r_mu:.3g} gives μ0 = {mu:.4g} "
+            f"(ρ0 = {rho_there:.3g}); nearest to both, r = {r:.3g}: {both_rho:.3g} and {both_mu:.3g}, "
+            f"within {factor:.2f} times",
+            "plausible" if reached else "cannot be checked",
+            "r, Q, R and the sampling interval are not printed; with Q = R = I the latter does not matter (μ0 at "
+            f"{'/'.join(f'{dt:g}' for dt in INTERVALS)} s: "
+            f"{'/'.join(f'{each:.4g}' for each in (mu, *_mus(again)))}). Noise-free "
+            "recording, rank 5. Criterion: ρ0 within 1 %, μ0 within 5 % at some radius each, both within twice at one",
+        ),
+        Claim(
+            "IV-B, (24)",
+            "ρ0 and μ0 of the 3-DOF case satisfy (24)",
+            "0.4614, 21.1561",
+            f"ρ0 ≥ {bound:.4g} for every gain",
+            holds_if(bound <= rho0),
+            "the torque does not show the rate along B, where A is nearly the identity: 6‖A b‖² with C b = 0",
+        ),
+        _units(row),
+    ]
+
+
+def _mus(found: Sequence[PolePlacement]) -> list[float]:
+    return [each.mu0 for each in found]
+
+
+def _units(row: pd.DataFrame) -> Claim:
+    """ρ0 has no unit, μ0 that of (state/output)²: a change of the state's unit must multiply it by that factor."""
+    rad, deg = ((float(row["rho0 as printed"][name]), float(row["mu0 as printed"][name])) for name in (CLEAN, DEGREES))
+    scale = (180 / np.pi) ** 2
+    same = abs(deg[0] / rad[0] - 1) < 0.05 and abs(deg[1] / (scale * rad[1]) - 1) < 0.05
+    return Claim(
+        "A-B3, Algorithm 2",
+        "ρ0 and μ0 are properties of the system",
+        "",
+        f"the same recording in rad/s: ρ0 = {_number(rad[0])}, μ0 = {_number(rad[1])} "
+        f"({_number(scale * rad[1])} in deg/s); in "
+        f"deg/s: ρ0 = {_number(deg[0])}, μ0 = {_number(deg[1])}",
+        holds_if(same),
+        "they depend on the state's unit: through I in (51c) and through Q, R and β in (56). Criterion: "
+        "the same to 5 % "
+        "after conversion",
+    )
+
+
+def _remark_4(row: pd.DataFrame) -> list[Claim]:
+    names = [name for name in row.index if np.isfinite(row["rho0 as printed"][name])]
+    meets = {name: bool(row["rho0 in the model"][name] < 1) for name in names}
+    return [
+        Claim(
+            "III-B, Remark 4",
+            "Algorithm 2 calculates parameters that meet (24)",
+            "ρ0 < 1",
+            "; ".join(
+                f"{name}: {_number(row['rho0 as printed'][name])} printed, "
+                f"{_number(row['rho0 in the model'][name])} in the "
+                "identified system"
+                for name in names
+            ),
+            holds_if(any(meets.values())),
+            "criterion: the same gain in the identified system. It does where the data are those of (42) "
+            "with noise that just "
+            "fills the rank (n + p columns), and C has rank n",
+        )
+    ]

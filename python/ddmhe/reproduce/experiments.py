@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -19,7 +19,7 @@ from ddmhe._core import DdmheError
 from ddmhe.files import write, write_text
 from ddmhe.reproduce import bench, satellite
 from ddmhe.reproduce.claims import Claim
-from ddmhe.reproduce.montecarlo import ENDS, Trials, in_parallel, percentiles, run_trials
+from ddmhe.reproduce.montecarlo import ENDS, Trials, in_parallel, percentiles, run_grid, run_trials
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -30,6 +30,8 @@ __all__ = ["EXPERIMENTS", "Result", "pendulum_logs", "reproduce_real", "run_expe
 
 SEEDS = 50
 """Noise seeds of an experiment, and of each point of a sweep."""
+FAMILY_SEEDS, SWEEP_SEEDS = 10, 5
+"""Noise seeds on each bench of the family, and at each point of its sweep."""
 
 
 @dataclass
@@ -71,38 +73,78 @@ def run_experiment(name: str, directory: Path, advance: Callable[[], None]) -> t
 # --- the bench
 
 
-def _bench(name: str, judge: Callable[[Trials], list[Claim]], **given: Any) -> Callable[[Callable[[], None]], Result]:
+def _bench(name: str, **given: Any) -> Experiment:
+    """Fig. 2, 3, 4 or 5: drawn on the nominal bench, judged over the family."""
+    kind, scenario = name.removeprefix("bench-"), given
+    others = [each for each in bench.family("disturbed" in given) if each != bench.NOMINAL]
+
     def run(advance: Callable[[], None]) -> Result:
         from ddmhe.plot import trials_figure
 
-        trials = run_trials(bench.trial, range(SEEDS), advance, **given)
-        event = bench.EVENT if given else None
+        trials = run_trials(bench.trial, range(SEEDS), advance, **scenario)
+        settings = [{"bench": each, "names": bench.JUDGED, **scenario} for each in others]
+        grid = run_grid(bench.trial, range(FAMILY_SEEDS), advance, settings)
+        family = {bench.NOMINAL: trials, **dict(zip(others, grid, strict=True))}
         figure = trials_figure(
             trials,
             names=("omega",),
             quantity="angular velocity (rad/s)",
-            event=event,
+            event=bench.EVENT if given else None,
             band=bench.BOX,
-            estimators=(bench.MHE, bench.KMHE, bench.ESKF, bench.DEFAULTS, bench.EKF),
+            colors=_colors(bench.MHE, bench.KMHE, bench.ESKF, bench.DEFAULTS, bench.EKF),
         )
-        spans = {"all": (0.0, np.inf)}
+        spans = {"all": bench.WHOLE}
         if given:
             spans |= {"before": bench.BEFORE, "during": bench.DURING, "after": bench.AFTER}
-        errors = _errors(trials, spans)
         title = f"{name}: RMSE in rad/s, median [5 %, 95 %] of {SEEDS} seeds"
-        return Result(judge(trials), {name: _series(trials)}, {name: figure}, [_table(title, errors)])
+        tables = {name: _series(trials), f"{name}-family": _family(family)}
+        return Result(bench.claims(kind, family), tables, {name: figure}, [_table(title, _errors(trials, spans))])
 
-    return run
+    return Experiment(SEEDS + FAMILY_SEEDS * len(others), run)
+
+
+def _family(found: Mapping[bench.Bench, Trials]) -> pd.DataFrame:
+    """Median errors of the compared estimators on every bench, rad/s."""
+    rows = []
+    for each, trials in found.items():
+        row: dict[str, Any] = {quantity: label(each) for quantity, label in bench.LEVELS.items()}
+        for name in bench.JUDGED:
+            for label, span in bench.SPANS.items():
+                row[f"{name}: RMSE {label}"] = float(np.median(trials.rms(name, *span)))
+            row[f"{name}: scatter during"] = float(np.median(trials.scatter(name, *bench.DURING)))
+        rows.append(row)
+    return pd.DataFrame(rows)
 
 
 def _mu(advance: Callable[[], None]) -> Result:
-    from ddmhe.plot import sweep_figure
+    from ddmhe.plot import parameter_figure, sweep_figure
 
-    sweep = {mu: run_trials(bench.trial, range(SEEDS), advance, mu=mu, swept=True) for mu in bench.MUS}
-    curves = {
-        name: np.array([percentiles(trials.rms(name)) for trials in sweep.values()]) for name in (bench.MHE, bench.KMHE)
+    names = (bench.MHE, bench.KMHE)
+    settings = [{"mu": mu, "names": names} for mu in bench.MUS]
+    sweep = dict(zip(bench.MUS, run_grid(bench.trial, range(SEEDS), advance, settings), strict=True))
+    others = [each for each in bench.family(False) if each != bench.NOMINAL]
+    grid = run_grid(
+        bench.trial, range(SWEEP_SEEDS), advance, [{"bench": each, **given} for each in others for given in settings]
+    )
+    family = {bench.NOMINAL: sweep}
+    for k, each in enumerate(others):
+        family[each] = dict(zip(bench.MUS, grid[k * len(bench.MUS) :], strict=False))
+    curves = {name: np.array([percentiles(trials.rms(name)) for trials in sweep.values()]) for name in names}
+    figures = {
+        "bench-mu": sweep_figure(
+            np.array(bench.MUS),
+            curves,
+            "weight mu on the fitted noise",
+            "RMSE (rad/s)",
+            chosen=bench.MU,
+            colors=_colors(*names),
+        ),
+        "bench-mu-time": parameter_figure(
+            {f"mu = {mu:g}": trials for mu, trials in list(sweep.items())[::2]},
+            quantity="angular velocity (rad/s)",
+            colors=_colors(*names),
+        ),
     }
-    figure = sweep_figure(np.array(bench.MUS), curves, "weight mu on the fitted noise", "RMSE (rad/s)", chosen=bench.MU)
     frame = pd.DataFrame({"mu": bench.MUS})
     for name, curve in curves.items():
         for k, end in enumerate(ENDS):
@@ -110,7 +152,7 @@ def _mu(advance: Callable[[], None]) -> Result:
     table = Table("mu", *curves, title=f"bench-mu: RMSE in rad/s, median of {SEEDS} seeds", title_justify="left")
     for k, mu in enumerate(bench.MUS):
         table.add_row(f"{mu:g}", *(f"{curve[k, 1]:.3g}" for curve in curves.values()))
-    return Result(bench.claims_mu(sweep), {"bench-mu": frame}, {"bench-mu": figure}, [table])
+    return Result(bench.claims_mu(family), {"bench-mu": frame}, figures, [table])
 
 
 # --- the satellite
@@ -119,33 +161,31 @@ def _mu(advance: Callable[[], None]) -> Result:
 def _detumbling(advance: Callable[[], None]) -> Result:
     from ddmhe.plot import outputs_figure, trials_figure
 
-    found = {
-        (noise, recorded): run_trials(satellite.trial, range(SEEDS), advance, noise=noise, recorded=recorded)
-        for noise in satellite.NOISES
-        for recorded in satellite.RECORDED
-    }
-    nominal, noisy = found[0.01, 0.0], found[0.01, satellite.RECORDED[1]]
+    settings = satellite.settings()
+    runs = run_grid(satellite.trial, range(SEEDS), advance, settings)
+    found = {(each["noise"], each["recorded"]): trials for each, trials in zip(settings, runs, strict=True)}
+    nominal, noisy = (found[satellite.JUDGED, recorded] for recorded in satellite.RECORDED)
     rows = []
     for (noise, recorded), trials in found.items():
         for name in trials.names:
             row: dict[str, Any] = {"torque noise (N m)": noise, "history noise (rad/s)": recorded, "estimator": name}
-            for span in satellite.SPANS:
+            for span in satellite.spans(trials):
                 errors = np.rad2deg(trials.rms(name, 0.0, span))
                 for end, value in zip(ENDS, percentiles(errors), strict=True):
                     row[f"RMSE {span:g} s, {end} (deg/s)"] = value
             rows.append(row)
-    frame = pd.DataFrame(rows)
     columns = [f"{noise:g} N m, {recorded:g}" for noise, recorded in found]
     table = Table(
         "estimator",
         *columns,
-        title=f"detumbling: RMSE of |omega error| over 20/40/100 s in deg/s, median of {SEEDS} seeds; columns: torque "
-        "noise, noise of the recorded rate (rad/s)",
+        title=f"detumbling: RMSE of |omega error| over 20/40/100 s ({satellite.JUDGED:g} N m: also 180 s) in deg/s, "
+        f"median of {SEEDS} seeds; columns: torque noise, noise of the recorded rate (rad/s)",
         title_justify="left",
     )
     for name in nominal.names:
         cells = [
-            "/".join(_short(np.median(np.rad2deg(t.rms(name, 0, s)))) for s in satellite.SPANS) for t in found.values()
+            "/".join(_short(np.median(np.rad2deg(t.rms(name, 0, s)))) for s in satellite.spans(t))
+            for t in found.values()
         ]
         table.add_row(name, *cells)
     shown = (satellite.MHE, satellite.DEFAULTS, satellite.KMHE, satellite.ESKF, satellite.EKF)
@@ -158,24 +198,33 @@ def _detumbling(advance: Callable[[], None]) -> Result:
             names=("omega_x", "omega_y", "omega_z"),
             quantity="angular velocity (deg/s)",
             scale=180 / np.pi,
-            estimators=shown,
+            colors=_colors(*shown),
             band=demo.BOX,
         )
-    series = {"detumbling": frame, "detumbling-series": _series(nominal), "detumbling-noisy-series": _series(noisy)}
+    series = {
+        "detumbling": pd.DataFrame(rows),
+        "detumbling-series": _series(nominal),
+        "detumbling-noisy-series": _series(noisy),
+    }
     return Result(satellite.claims(nominal, noisy), series, figures, [table])
 
 
 def _design(advance: Callable[[], None]) -> Result:
-    from ddmhe.reproduce import design
+    from ddmhe.reproduce import design, theory
 
     histories = design.recordings()
     frame = design.placements(histories)
-    table = Table(*frame.columns[:-1], title="design: Algorithm 2", title_justify="left")
-    for row in frame.drop(columns="outcome").itertuples(index=False):
+    columns = [name for name in frame.columns if name not in ("outcome", "arbitrary")]
+    table = Table(*columns, title="design: Algorithm 2", title_justify="left")
+    for row in frame[columns].itertuples(index=False):
         table.add_row(*(f"{cell:.4g}" if isinstance(cell, float) else str(cell) for cell in row))
+    left = pd.DataFrame(theory.linearisation(), columns=list(theory.LEFT))
+    second = Table(*left.columns, title="design: what (5) leaves of the 3-DOF motion", title_justify="left")
+    for row in left.itertuples(index=False):
+        second.add_row(*(f"{cell:.3g}" for cell in row))
     claims = design.claims(frame, histories)
     advance()
-    return Result(claims, {"design": frame}, {}, [table])
+    return Result(claims, {"design": frame, "design-linearisation": left}, {}, [table, second])
 
 
 # --- the interval paper
@@ -195,10 +244,18 @@ def pendulum_intervals(advance: Callable[[], None]) -> Result:
     for name, width in mean.items():
         table.add_row(name, *(f"{w:.5f}" for w in width), str(sum(trial.violations(name) for trial in trials)))
     first = trials[0]
-    shown = {name: first.bounds[name] for name in (pendulum.BALL, pendulum.TAHIR, pendulum.PAPER, pendulum.TIGHT)}
+    colors = dict(zip((*mean, pendulum.PRINTED_BALL), PALETTE, strict=False))
+    from_0 = np.concatenate([[0.0], t])
+
+    def drawn(*names: str) -> Figure:
+        shown = {name: pendulum.from_start(first, name) for name in names}
+        return intervals_figure(from_0, first.x, shown, pendulum.MEASURES, colors=colors)
+
+    widths = {k: v.mean(axis=0) for k, v in found.items()}
     figures = {
-        "pendulum": intervals_figure(t, first.x[1:], shown, pendulum.MEASURES),
-        "pendulum-widths": widths_figure(t, {k: v.mean(axis=0) for k, v in found.items()}, pendulum.MEASURES),
+        "pendulum-fig1": drawn(pendulum.ZONOTOPE, pendulum.BALL, pendulum.PRINTED_BALL),
+        "pendulum-fig2": drawn(pendulum.PAPER, pendulum.TAHIR, pendulum.TIGHT),
+        "pendulum-widths": widths_figure(t, widths, pendulum.MEASURES, colors=colors),
     }
     series = {"time_s": t, "x1 true": first.x[1:, 0], "x2 true": first.x[1:, 1]}
     for name, (lower, upper) in first.bounds.items():
@@ -257,7 +314,33 @@ def _markdown(scores: pd.DataFrame, summary: list[tuple[float, str, float, float
     return "\n".join([*lines, ""])
 
 
-# --- tables
+# --- tables and colours
+
+COLORS = {
+    bench.MHE: "tab:blue",
+    bench.DEFAULTS: "tab:cyan",
+    bench.KMHE: "tab:orange",
+    bench.ESKF: "tab:green",
+    bench.EKF: "tab:purple",
+}
+"""One colour for each estimator in every figure."""
+PALETTE = (
+    "tab:blue",
+    "tab:orange",
+    "tab:olive",
+    "tab:cyan",
+    "tab:brown",
+    "tab:green",
+    "tab:pink",
+    "tab:purple",
+    "tab:gray",
+    "tab:red",
+)
+"""Of the interval methods, in the order of their table."""
+
+
+def _colors(*names: str) -> dict[str, str]:
+    return {name: COLORS[name] for name in names}
 
 
 def _short(value: float) -> str:
@@ -294,11 +377,11 @@ def _series(trials: Trials) -> pd.DataFrame:
 
 
 EXPERIMENTS: dict[str, Experiment] = {
-    "bench-nominal": Experiment(SEEDS, _bench("bench-nominal", bench.claims_nominal)),
-    "bench-noise": Experiment(SEEDS, _bench("bench-noise", bench.claims_noise, noisy=True)),
-    "bench-disturbance": Experiment(SEEDS, _bench("bench-disturbance", bench.claims_disturbance, disturbed=True)),
-    "bench-both": Experiment(SEEDS, _bench("bench-both", bench.claims_both, noisy=True, disturbed=True)),
-    "bench-mu": Experiment(SEEDS * len(bench.MUS), _mu),
+    "bench-nominal": _bench("bench-nominal"),
+    "bench-noise": _bench("bench-noise", noisy=True),
+    "bench-disturbance": _bench("bench-disturbance", disturbed=True),
+    "bench-both": _bench("bench-both", noisy=True, disturbed=True),
+    "bench-mu": Experiment(len(bench.MUS) * (SEEDS + SWEEP_SEEDS * (len(bench.family(False)) - 1)), _mu),
     "detumbling": Experiment(SEEDS * len(satellite.NOISES) * len(satellite.RECORDED), _detumbling),
     "design": Experiment(1, _design),
     "pendulum": Experiment(SEEDS, pendulum_intervals),

@@ -17,7 +17,7 @@ Array = NDArray[np.float64]
 T = TypeVar("T")
 Estimators = Mapping[str, Callable[[], Any]]
 
-__all__ = ["ENDS", "Trial", "Trials", "estimates", "in_parallel", "percentiles", "run_trials"]
+__all__ = ["ENDS", "Trial", "Trials", "estimates", "in_parallel", "percentiles", "run_grid", "run_trials"]
 
 BAND = (5.0, 50.0, 95.0)
 """Percentiles that are shown: the median and the ends of the 90 % band."""
@@ -37,6 +37,12 @@ class Trial:
     """Outputs that were estimated from (N, p)."""
     x_hat: dict[str, Array]
     """Estimates (N, n) of each estimator; NaN after one has failed."""
+    history: tuple[Array, Array] | None = None
+    """Times (T+1,), s, and recorded states (T+1, n) before the first estimate."""
+    center: Array | None = None
+    """x_c(t) (N, n), the centre of the box on x̂(t); only where a figure is to show it."""
+    active: Array | None = None
+    """Bounds of that box that were active at each step (N,)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,6 +78,20 @@ class Trials:
         with np.errstate(over="ignore"):
             return np.asarray(np.sqrt(np.mean(self.errors(name)[:, part] ** 2, axis=1)))
 
+    def scatter(self, name: str, start: float, end: float) -> Array:
+        """Root mean square of x̂ - x about its own cubic trend for start < t - t_0 <= end: (seeds,).
+
+        What noise does to an estimate, without the bias and the drift that its RMSE about the truth mixes in.
+        """
+        first = self.t[0] - (self.t[1] - self.t[0])
+        part = (self.t - first > start + 1e-9) & (self.t - first <= end + 1e-9)
+        trend = np.polynomial.legendre.legvander(np.linspace(-1, 1, int(part.sum())), 3)
+        off = np.array([trial.x_hat[name][part] - trial.x[part] for trial in self.all])
+        failed = ~(np.abs(off) < 1e150).all(axis=(1, 2))
+        off[failed] = 0.0
+        rest = off - trend @ (np.linalg.pinv(trend) @ off)
+        return np.where(failed, np.inf, np.sqrt(np.mean(np.sum(rest**2, axis=2), axis=1)))
+
 
 def percentiles(values: Array) -> Array:
     """BAND over the seeds, the first axis: (3, …). Nearest ranks, since an error may be infinite."""
@@ -99,6 +119,23 @@ def estimates(estimators: Estimators, Y: Array, n: int) -> dict[str, Array]:
 def run_trials(trial: Callable[..., Trial], seeds: Sequence[int], advance: Callable[[], None], **given: Any) -> Trials:
     """`trial(seed, **given)` for every seed, on all cores; `advance` is called after each."""
     return Trials(in_parallel(trial, seeds, advance, **given))
+
+
+def run_grid(
+    trial: Callable[..., Trial],
+    seeds: Sequence[int],
+    advance: Callable[[], None],
+    settings: Sequence[Mapping[str, Any]],
+) -> list[Trials]:
+    """`trial(seed, **given)` for every seed and every one of the settings, through one pool: Trials of each setting."""
+    jobs = [(trial, seed, given) for given in settings for seed in seeds]
+    found = in_parallel(_grid_job, jobs, advance)
+    return [Trials(found[k * len(seeds) : (k + 1) * len(seeds)]) for k in range(len(settings))]
+
+
+def _grid_job(job: tuple[Callable[..., Trial], int, Mapping[str, Any]]) -> Trial:
+    trial, seed, given = job
+    return trial(seed, **given)
 
 
 def in_parallel(function: Callable[..., T], jobs: Sequence[Any], advance: Callable[[], None], **given: Any) -> list[T]:
