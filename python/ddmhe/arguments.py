@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Callable
 from numbers import Integral, Real
 from typing import Any, TypeVar
@@ -22,6 +23,7 @@ __all__ = [
     "check_history",
     "check_kind",
     "check_number",
+    "check_path",
     "check_whole",
     "choice",
     "shown",
@@ -89,6 +91,12 @@ def check_flag(name: str, value: Any) -> None:
     """DdmheError naming the argument unless the value is True or False."""
     if not isinstance(value, bool | np.bool_):
         raise DdmheError(f"{name}: expected True or False, found {shown(value)}")
+
+
+def check_path(name: str, value: Any) -> None:
+    """DdmheError naming the argument unless the value is a text or a path; a number would be an open file."""
+    if not isinstance(value, str | os.PathLike) or "\0" in str(value):
+        raise DdmheError(f"{name}: expected the path of a file, found {shown(value)}")
 
 
 def check_history(value: Any) -> History:

@@ -28,6 +28,7 @@ import numpy as np
 import tomli_w
 
 from ddmhe._core import DdmheError, Exact, Ridge, Truncated
+from ddmhe.arguments import check_kind, check_path, shown
 from ddmhe.files import write_text
 
 if TYPE_CHECKING:
@@ -56,6 +57,7 @@ def read_config(path: str | Path) -> dict[str, Any]:
 
     ConfigError in one sentence naming the file and the key.
     """
+    check_path("path", path)
     try:
         with open(path, "rb") as f:
             table = tomllib.load(f)
@@ -70,7 +72,13 @@ def read_config(path: str | Path) -> dict[str, Any]:
 
 def write_config(path: str | Path, settings: Mapping[str, Any]) -> None:
     """Keywords of DdMhe as a file that `read_config` reads back: arrays as lists, spaces and certificates as tables."""
-    write_text(path, tomli_w.dumps({key: _plain(value) for key, value in settings.items()}))
+    if not isinstance(settings, Mapping):
+        raise ConfigError(f"settings: expected keywords of DdMhe, found {shown(settings)}")
+    try:
+        text = tomli_w.dumps({key: _plain(value) for key, value in settings.items()})
+    except (TypeError, ValueError, AttributeError) as e:
+        raise ConfigError(f"settings: expected keywords of DdMhe that a file can hold, found others ({e})") from e
+    write_text(path, text)
 
 
 def _plain(value: Any) -> Any:
@@ -96,6 +104,7 @@ def _plain(value: Any) -> Any:
 
 def space_from_text(text: str) -> Space:
     """A trajectory space from ``auto``, ``exact``, ``truncated:RANK`` or ``ridge:WEIGHT``; ConfigError for others."""
+    check_kind("space", text, str, "auto, exact, truncated:RANK or ridge:WEIGHT")
     kind, _, argument = text.partition(":")
     if text in ("auto", "exact"):
         return "auto" if text == "auto" else Exact()

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from ddmhe._core import DdmheError
+from ddmhe.arguments import check_path
 
 __all__ = ["FileError", "write", "write_text"]
 
@@ -21,10 +22,8 @@ def write(path: str | Path, save: Callable[[Path], object]) -> None:
     A file of that name stays as it is until the new one is complete. What is no ordinary file (a device, a pipe) is
     written to directly. FileError names the path and the reason.
     """
-    try:
-        place = Path(os.path.realpath(path))
-    except (TypeError, ValueError) as e:
-        raise FileError(f"path: expected the path of a file, found {path!r} ({e})") from e
+    check_path("path", path)
+    place = Path(os.path.realpath(path))
     special = place.exists() and not place.is_file()
     beside = Path(path) if special else place.with_name(f".{place.stem}.{os.getpid()}{place.suffix}")
     try:

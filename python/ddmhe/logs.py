@@ -23,6 +23,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from ddmhe._core import DdmheError, History
+from ddmhe.arguments import check_kind, check_path, shown
 from ddmhe.grid import samples_of
 from ddmhe.oddities import unwrapped
 
@@ -126,8 +127,9 @@ class Log:
 
         Raises LogError if `history` (s) is not a positive number, shorter than 2 samples or longer than the log.
         """
-        if not (math.isfinite(history) and history > 0):
-            raise LogError(f"history: expected a positive number of seconds, found {history}")
+        real = isinstance(history, int | float | np.integer | np.floating) and not isinstance(history, bool)
+        if not real or not 0 < history <= LARGEST:
+            raise LogError(f"history: expected a positive number of seconds, found {shown(history)}")
         samples, last = round(history / self.dt), len(self.t) - 1
         if samples < 2:
             raise LogError(f"history: expected at least 2 samples ({2 * self.dt:.4g} s), found {history} s")
@@ -214,7 +216,14 @@ def read_log(
     LogError
         One sentence naming the file, and the column and line where there is one.
     """
+    check_path("path", path)
     name = str(path)
+    for option, group in (("state", state), ("output", output), ("unwrap", unwrap)):
+        _check_texts(option, group)
+    if time is not None:
+        check_kind("time", time, str, "the name of a column")
+    if start is not None and not isinstance(start, int | float | np.integer | np.floating):
+        raise LogError(f"start: expected a time in seconds, found {shown(start)}")
     _check_decimate(decimate)
     numbers = checked_missing(missing)
     table = _read_table(name)
@@ -248,13 +257,18 @@ def checked_missing(missing: Sequence[float]) -> tuple[float, ...]:
     for number in numbers:
         real = isinstance(number, int | float | np.integer | np.floating) and not isinstance(number, bool)
         if not real or not -LARGEST <= number <= LARGEST:
-            raise LogError(f"missing: expected finite numbers, found {number!r}")
+            raise LogError(f"missing: expected finite numbers, found {shown(number)}")
     return tuple(float(number) for number in numbers)
 
 
 def _check_decimate(decimate: int) -> None:
     if isinstance(decimate, bool) or not isinstance(decimate, int | np.integer) or decimate < 1:
-        raise LogError(f"decimate: expected a whole number of at least 1, found {decimate!r}")
+        raise LogError(f"decimate: expected a whole number of at least 1, found {shown(decimate)}")
+
+
+def _check_texts(option: str, group: Sequence[str]) -> None:
+    if not isinstance(group, list | tuple) or not all(isinstance(column, str) for column in group):
+        raise LogError(f"{option}: expected a list of column names, found {shown(group)}")
 
 
 def _check_unwrap(unwrap: Sequence[str], names: Names) -> None:

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ddmhe._core import DdmheError, ShapeError, numbers
-from ddmhe.arguments import check_finite, check_number, check_whole, choice
+from ddmhe.arguments import check_finite, check_number, check_path, check_whole, choice
 
 Array = NDArray[np.float64]
 
@@ -192,6 +192,7 @@ class TorqueCurve:
     @classmethod
     def from_csv(cls, path: str | Path) -> TorqueCurve:
         """Read columns ``slip_speed_rpm`` and ``torque_N_m`` (rpm, N·m); DdmheError if the file does not hold them."""
+        check_path("path", path)
         try:
             table = np.genfromtxt(path, delimiter=",", names=True, encoding="utf-8")
         except (OSError, ValueError, TypeError) as e:

@@ -30,7 +30,8 @@ from numpy.typing import ArrayLike, NDArray
 from rich.console import Console
 from rich.progress import Progress
 
-from ddmhe._core import DdMhe, DdmheError, History, RankError, Ridge, ShapeError, Truncated, validate
+from ddmhe._core import DdMhe, DdmheError, History, RankError, Ridge, ShapeError, Truncated, numbers, validate
+from ddmhe.arguments import check_finite, check_flag, check_history, shown
 from ddmhe.design.model import noise_levels
 from ddmhe.surrogate import Surrogate
 
@@ -163,13 +164,16 @@ def tune(
     DdmheError, ShapeError
         Wrong arguments.
     """
-    if not isinstance(history, History):
-        raise DdmheError(f"history: expected a History, found {type(history).__name__}")
+    check_history(history)
+    if progress is not None:
+        check_flag("progress", progress)
+    extra = _extra_noise(history, output_noise)
+    if equilibrium is not None:
+        _check_rest(history, equilibrium)
     longest = int(np.argmax([len(y) for _, y in history.recordings]))
     T = len(history.recordings[longest][1])
     if T < 20:
         raise RankError(f"history: expected a recording of at least 20 samples to hold parts of it out, found {T}")
-    extra = _extra_noise(history, output_noise)
     candidates, reference = _candidates(history, T, equilibrium)
     whole: Fold = (history, history.recordings[-1][0][-1], np.zeros((0, history.p)), np.zeros((0, history.n)), [])
     folds = [whole, *_quarters(history, longest, extra)]
@@ -238,15 +242,25 @@ def _unit(history: History) -> float:
     return float(np.mean(x.var(axis=0))) / (spread if spread > 0 else 1.0)
 
 
+def _check_rest(history: History, equilibrium: Any) -> None:
+    if not isinstance(equilibrium, tuple | list) or len(equilibrium) != 2:
+        raise ShapeError(f"equilibrium: expected a pair (x_e, y_e), found {shown(equilibrium)}")
+    for value, width in zip(equilibrium, (history.n, history.p), strict=True):
+        rest = np.atleast_1d(numbers("equilibrium", value))
+        check_finite("equilibrium", rest)
+        if rest.shape != (width,):
+            raise ShapeError(f"equilibrium: expected {width} numbers, found shape {rest.shape}")
+
+
 def _extra_noise(history: History, output_noise: ArrayLike | None) -> Array:
     """Standard deviation (p,) to add to recorded outputs so that they are as noisy as the online ones."""
     if output_noise is None:
         return np.zeros(history.p)
-    stated = np.asarray(output_noise, dtype=np.float64)
+    stated = numbers("output_noise", output_noise)
     if stated.shape not in ((), (history.p,)):
         raise ShapeError(f"output_noise: expected a number or {history.p} numbers, found shape {stated.shape}")
     if not (np.isfinite(stated).all() and (stated >= 0).all()):
-        raise DdmheError(f"output_noise: expected finite numbers of at least 0, found {output_noise}")
+        raise DdmheError(f"output_noise: expected finite numbers of at least 0, found {shown(output_noise)}")
     recorded = noise_levels(history)[1]
     return np.asarray(np.sqrt(np.maximum(stated**2 - recorded**2, 0.0)))
 

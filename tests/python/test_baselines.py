@@ -297,3 +297,20 @@ def test_what_is_masked_or_none_is_not_measured():
         np.testing.assert_array_equal([each.step(y).x for y in masked], expected)
         with pytest.raises(ddmhe.NotFiniteError, match=r"x_prior: .* missing \(masked, None or NA\) at entry 1"):
             make(history).reset([1.0, None])
+
+
+def test_an_unstable_fit_does_not_explode():
+    """A state that the outputs do not show and that grew while it was recorded: the fit is unstable, the filter not."""
+    k = np.arange(120)
+    rng = np.random.default_rng(0)
+    growing = 0.1 * 1.1 ** (k / 2) * np.cos(k / 3)
+    seen = np.cos(k / 5)
+    x = np.column_stack([seen, growing]) + 1e-3 * rng.standard_normal((120, 2))
+    y = x[:, :1] + 1e-3 * rng.standard_normal((120, 1))
+    gap = np.vstack([np.cos(np.arange(120, 900)[:, None] / 5), np.full((900, 1), np.nan)])
+    for order in (None, 1, 2, 5):
+        log = ArxKalman(ddmhe.History(x, y[:-1]), order).run(gap)
+        assert np.abs(log.x).max() < 10 * np.abs(x).max()
+    stable = ddmhe.models.pendulum().simulate(13.0, 0.065, integrator="accurate")
+    free = ArxKalman(ddmhe.History(stable.x, stable.y[:-1]), 2)
+    assert np.abs(np.linalg.eigvals(free._A)).max() <= 1

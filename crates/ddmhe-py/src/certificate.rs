@@ -1,6 +1,6 @@
 //! Certificates and disturbance sizes from Python: any object with the attributes of `ddmhe.design.Certificate`.
 
-use crate::convert::{DdmheError, Numbers, ShapeError, number, raise};
+use crate::convert::{DdmheError, Numbers, ShapeError, number, raise, shown};
 use ddmhe_core::{Certificate, Disturbance, Model, Uncertainty};
 use pyo3::prelude::*;
 
@@ -61,7 +61,7 @@ pub fn minimum_horizon(rho: &Bound<'_, PyAny>) -> PyResult<usize> {
 /// (initial, w, v).
 pub fn disturbance(value: &Bound<'_, PyAny>) -> PyResult<Disturbance> {
     let (initial, w, v) = value.extract::<(f64, f64, f64)>().map_err(|_| {
-        ShapeError::new_err(format!("disturbance: expected three numbers (initial, w, v), found {value}"))
+        ShapeError::new_err(format!("disturbance: expected three numbers (initial, w, v), found {}", shown(value)))
     })?;
     Ok(Disturbance { initial, w, v })
 }

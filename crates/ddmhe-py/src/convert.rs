@@ -169,7 +169,7 @@ fn is_missing(item: &Bound<'_, PyAny>) -> PyResult<bool> {
 }
 
 /// What was given, short and in one line.
-fn shown(value: &Bound<'_, PyAny>) -> String {
+pub fn shown(value: &Bound<'_, PyAny>) -> String {
     let text = value.repr().map_or_else(|_| "one that cannot be printed".into(), |text| text.to_string());
     let text = one_line(&text);
     if text.chars().count() <= LONGEST {

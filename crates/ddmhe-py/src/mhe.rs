@@ -2,7 +2,7 @@
 
 use crate::certificate;
 use crate::convert::{
-    DdmheError, Numbers, ShapeError, array1, array2, bounds, flag, number, pair, raise, whole, writable,
+    DdmheError, Numbers, ShapeError, array1, array2, bounds, flag, number, pair, raise, shown, whole, writable,
 };
 use crate::exclusive::Exclusive;
 use crate::history::History;
@@ -319,7 +319,7 @@ fn center(value: &Bound<'_, PyAny>) -> PyResult<Center> {
     if value.extract::<String>().is_ok_and(|s| s == "history") {
         return Ok(Center::History);
     }
-    Err(DdmheError::new_err(format!("x_center: expected None or \"history\", found {}", value.repr()?)))
+    Err(DdmheError::new_err(format!("x_center: expected None or \"history\", found {}", shown(value))))
 }
 
 pub fn rest(value: &Bound<'_, PyAny>, n: usize, p: usize) -> PyResult<(Vec<f64>, Vec<f64>)> {

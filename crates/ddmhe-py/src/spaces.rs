@@ -1,6 +1,6 @@
 //! `ddmhe.Exact`, `ddmhe.Truncated`, `ddmhe.Ridge`.
 
-use crate::convert::{DdmheError, flag, number, whole};
+use crate::convert::{DdmheError, flag, number, shown, whole};
 use ddmhe_core::Space;
 use pyo3::IntoPyObjectExt;
 use pyo3::prelude::*;
@@ -116,7 +116,7 @@ pub fn space(value: &Bound<'_, PyAny>) -> PyResult<Space> {
     if value.extract::<String>().is_ok_and(|s| s == "auto") {
         return Ok(Space::Auto);
     }
-    let found = value.repr()?;
+    let found = shown(value);
     Err(DdmheError::new_err(format!(
         "space: expected \"auto\", Exact(), Truncated(...) or Ridge(weight), found {found}"
     )))

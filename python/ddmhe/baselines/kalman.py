@@ -18,6 +18,9 @@ Array = NDArray[np.float64]
 
 __all__ = ["ArxKalman", "ErrorStateKalman", "Oracle", "update"]
 
+STABLE = 0.999
+"""Spectral radius that an identified model is given if its own is above one."""
+
 
 def update(x: Array, P: Array, innovation: Array, C: Array, R: Array) -> tuple[Array, Array]:
     """x and P after a measurement, in Joseph's form; entries of the innovation that are NaN were not measured."""
@@ -93,7 +96,8 @@ class ArxKalman(Baseline):
     """A Kalman filter on a vector-ARX model of states and outputs together: what system identification would do.
 
     z(k) = [x(k); y(k)] = c + A_1 z(k-1) + … + A_L z(k-L) + ε(k) by ridge regression; the filter runs on the last L
-    values of z, of which the outputs are measured. Hidden states are covered by the lags.
+    values of z, of which the outputs are measured. Hidden states are covered by the lags. An unstable
+    fit is made stable.
 
     Parameters
     ----------
@@ -266,6 +270,7 @@ def _arx(parts: list[Array], L: int) -> tuple[float, int, Array, Array, Array]:
     past = np.vstack([np.hstack([s[L - i - 1 : len(s) - i - 1] for i in range(L)]) for s in scaled])
     now = np.vstack([s[L:] for s in scaled])
     theta = np.linalg.solve(past.T @ past + 1e-8 * len(past) * np.eye(m * L), past.T @ now)
+    theta *= np.repeat(_contraction(theta, L) ** np.arange(1, L + 1), m)[:, None]
     residual = now - past @ theta
     free = max(len(past) - m * L - 1, 1)
     covariance = residual.T @ residual / free + 1e-16 * np.eye(m)
@@ -273,6 +278,18 @@ def _arx(parts: list[Array], L: int) -> tuple[float, int, Array, Array, Array]:
     bic += m * (m * L + 1) * np.log(len(past))
     lags = (scale[:, None] * theta.T) / np.tile(scale, L)
     return float(bic), L, mean - lags @ np.tile(mean, L), lags, covariance * np.outer(scale, scale)
+
+
+def _contraction(theta: Array, L: int) -> float:
+    """1 for a stable model; else the factor a sample that brings its poles into the circle of radius STABLE.
+
+    Lag i times c^i multiplies every pole by c. Without it a state that no output shows, or a gap, lets errors explode.
+    """
+    m = theta.shape[1]
+    companion = np.eye(m * L, k=-m)
+    companion[:m] = theta.T
+    radius = float(np.abs(np.linalg.eigvals(companion)).max())
+    return STABLE / radius if radius > 1 else 1.0
 
 
 def _slope(f: Callable[[Array], Array], x: Array) -> Array:

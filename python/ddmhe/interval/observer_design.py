@@ -23,7 +23,7 @@ import scipy.optimize
 from numpy.typing import ArrayLike, NDArray
 
 from ddmhe._core import DdmheError, InfeasibleError
-from ddmhe.design.arguments import check_number
+from ddmhe.arguments import check_kind, check_number, choice
 from ddmhe.design.solver import solve
 from ddmhe.interval.systems import System, matrix, radius_of
 
@@ -94,8 +94,7 @@ def design_observer(
     """
     if not isinstance(system, System):
         raise DdmheError(f"system: expected a ddmhe.interval.System, found {type(system).__name__}")
-    if lmi not in ("exact", "paper"):
-        raise DdmheError(f"lmi: expected 'exact' or 'paper', found {lmi!r}")
+    choice("lmi", lmi, ("exact", "paper"))
     S = np.ones(system.n) if weights is None else matrix("weights", weights, (system.n,))
     if (S <= 0).any():
         raise DdmheError(f"weights: expected positive numbers, found {S.min()}")
@@ -112,6 +111,7 @@ def design_observer(
 
 def fixed_gain(system: System, gain: ArrayLike) -> ObserverDesign:
     """A gain (n, p) of one's own without a peak-to-peak bound: zonotope and box stay guaranteed, whatever the gain."""
+    check_kind("system", system, System, "a ddmhe.interval.System")
     L = matrix("gain", gain, (system.n, system.p))
     none = float("inf")
     return ObserverDesign(L, np.eye(system.n), 0.5, none, none, none, False, none, np.ones(system.n), "given gain")
@@ -119,6 +119,7 @@ def fixed_gain(system: System, gain: ArrayLike) -> ObserverDesign:
 
 def kalman_gain(system: System, w_radius: ArrayLike, v_radius: ArrayLike) -> Array:
     """Gain (n, p) of the steady Kalman filter at the middle of [j_lo, j_hi], with the radii as standard deviations."""
+    check_kind("system", system, System, "a ddmhe.interval.System")
     w = radius_of("w_radius", w_radius, system.D1.shape[1])
     v = radius_of("v_radius", v_radius, system.D2.shape[1])
     if not np.isfinite([system.j_lo, system.j_hi]).all():

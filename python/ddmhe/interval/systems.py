@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ddmhe import models
-from ddmhe._core import DdmheError, NotFiniteError, ShapeError
+from ddmhe._core import DdmheError, NotFiniteError, ShapeError, numbers
+from ddmhe.arguments import check_kind, check_number
 
 Array = NDArray[np.float64]
 Function = Callable[[Array], ArrayLike]
@@ -24,10 +25,7 @@ SLACK = 1e-13
 
 def matrix(name: str, value: ArrayLike, shape: tuple[int, ...], finite: bool = True) -> Array:
     """A float array of the shape, -1 for any length; an error that names the argument otherwise."""
-    try:
-        array = np.array(value, dtype=np.float64)
-    except (TypeError, ValueError) as e:
-        raise ShapeError(f"{name}: expected an array of real numbers, found {type(value).__name__}") from e
+    array = numbers(name, value)
     wanted = f"({', '.join('any' if s < 0 else str(s) for s in shape)})"
     if array.ndim != len(shape) or any(s >= 0 and s != found for s, found in zip(shape, array.shape, strict=True)):
         raise ShapeError(f"{name}: expected an array of shape {wanted}, found {array.shape}")
@@ -38,7 +36,7 @@ def matrix(name: str, value: ArrayLike, shape: tuple[int, ...], finite: bool = T
 
 def radius_of(name: str, value: ArrayLike, length: int) -> Array:
     """(length,) radii from as many, or from one that serves all; DdmheError unless they are at least 0."""
-    given = np.asarray(value)
+    given = numbers(name, value)
     array = matrix(name, np.full(length, given) if given.ndim == 0 else given, (length,))
     if (array < 0).any():
         raise DdmheError(f"{name}: expected radii of at least 0, found {array.min()}")
@@ -199,7 +197,9 @@ class _Damping:
 
 def pendulum(model: models.Pendulum | None = None, dt: float = models.Pendulum.paper_dt) -> System:
     """The pendulum (60): x1⁺ = x1 + dt x2 + w1, x2⁺ = x2 - dt stiffness sin x1 + w2, y = x1 + 0.1 v."""
-    gain = dt * (model or models.pendulum()).stiffness
+    model = models.pendulum() if model is None else check_kind("model", model, models.Pendulum, "a Pendulum")
+    check_number("dt", dt, "a positive number of seconds", lambda seconds: seconds > 0)
+    gain = dt * model.stiffness
     A = np.array([[1.0, dt], [0.0, 1.0]])
     bound = np.array([[0.0, 0.0], [gain, 0.0]])
 
@@ -254,11 +254,10 @@ def detumbling(
     rate of the chaser zero. Bounds: a_i = (J2-J3)/J1 …, every entry of N = J⁻¹ ∂τ_t/∂ω and of G = ∂τ_c/∂ω within a
     relative `uncertainty`; |x_i| <= rate_bound (rad/s) wherever the target may be.
     """
-    model = models.detumbling() if model is None else model
-    if not (np.isfinite(uncertainty) and 0 <= uncertainty < 1):
-        raise DdmheError(f"uncertainty: expected a number in [0, 1), found {uncertainty}")
-    if not (np.isfinite(rate_bound) and rate_bound > 0):
-        raise DdmheError(f"rate_bound: expected a positive number of rad/s, found {rate_bound}")
+    model = models.detumbling() if model is None else check_kind("model", model, models.Detumbling, "a Detumbling")
+    check_number("dt", dt, "a positive number of seconds", lambda seconds: seconds > 0)
+    check_number("uncertainty", uncertainty, "a number in [0, 1)", lambda share: 0 <= share < 1)
+    check_number("rate_bound", rate_bound, "a positive number of rad/s", lambda rate: rate > 0)
     J = np.diag(model.inertia)
     if np.any(model.inertia != np.diag(J)) or np.any(model.omega_chaser != 0):
         raise DdmheError("model: expected principal axes and a chaser at rest, found others")
@@ -287,6 +286,9 @@ def van_der_pol(dt: float = 0.05, mu: float = 1.0, bound: float = 3.0) -> System
     x1⁺ = x1 + dt x2 + w1, x2⁺ = x2 + dt (mu (1 - x1²) x2 - x1) + w2, written as A x + f(x) with
     A = I + dt [[0, 1], [-1, mu]] and f = (0, -dt mu x1² x2).
     """
+    check_number("dt", dt, "a positive number of seconds", lambda seconds: seconds > 0)
+    check_number("mu", mu, "a finite number", lambda _: True)
+    check_number("bound", bound, "a positive number", lambda size: size > 0)
     A = np.eye(2) + dt * np.array([[0.0, 1.0], [-1.0, mu]])
     box, motion = np.full(2, bound), _Damping(dt * mu)
     J_lo, J_hi = motion.jacobian(-box, box)
