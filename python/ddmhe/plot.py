@@ -232,7 +232,7 @@ def trials_figure(
     colors : which estimators to draw, and their colours
     event : when noise or disturbance is large, s
     band : half width of the box around the first seed's centre, in the states' unit: drawn about the centre, with a
-        mark wherever one of its bounds was active
+        mark wherever one of its bounds was active, unless none ever was
     """
     n = len(names)
     figure = Figure(figsize=(9.5, 2.2 * n + 3.8), layout="constrained")
@@ -280,9 +280,12 @@ def _draw_first(
         middle, half = scale * first.center[:, i], scale * band
         acts = first.active > 0
         label = f"box of {next(iter(colors))}: active at {acts.sum()} of {len(acts)} samples"
-        axes.fill_between(first.t, middle - half, middle + half, color="0.7", alpha=0.35, linewidth=0, label=label)
-        for side in (middle - half, middle + half):
-            axes.plot(first.t[acts], side[acts], ".", color="0.3", markersize=3)
+        if acts.any():
+            axes.fill_between(first.t, middle - half, middle + half, color="0.7", alpha=0.35, linewidth=0, label=label)
+            for side in (middle - half, middle + half):
+                axes.plot(first.t[acts], side[acts], ".", color="0.3", markersize=3)
+        else:  # a box that never acts is mostly wider than the panel
+            axes.plot([], [], " ", label=label)
     for name, color in colors.items():
         axes.plot(first.t, scale * first.x_hat[name][:, i], color=color, label=name, **_ESTIMATE)
     room = max(float(np.ptp(shown)), 1e-12)

@@ -1,5 +1,6 @@
 """`ddmhe reproduce` as a user runs it, and what its verdicts rest on."""
 
+import dataclasses
 import os
 import subprocess
 import sys
@@ -339,6 +340,24 @@ def test_the_box_is_about_the_history_window():
     expected = scale[-1] * (mean[-1] + first[-1] * (first[:m] @ seen) / (first[:m] @ first[:m]))
     assert one.center[100 + m - 1, 0] == pytest.approx(expected, abs=1e-6)
     assert (one.active >= 0).all()
+
+
+@pytest.mark.parametrize("acts", [True, False])
+def test_the_figure_starts_with_the_history_and_shows_the_box_where_it_acts(acts):
+    from ddmhe.plot import trials_figure
+
+    kept = bench.trial(0, names=(bench.MHE,))
+    one = dataclasses.replace(kept, active=np.full(250, int(acts)))
+    figure = trials_figure(
+        Trials([one, one]), names=("omega",), quantity="speed (rad/s)", colors={bench.MHE: COLORS[bench.MHE]}, band=1.0
+    )
+    above = figure.axes[0]
+    first, *_ = (line for line in above.lines if line.get_color() == "0.2")
+    assert first.get_xdata()[[0, -1]].tolist() == pytest.approx([0.0, 0.5])
+    (estimate,) = (line for line in above.lines if line.get_color() == COLORS[bench.MHE])
+    assert len(estimate.get_xdata()) == 250
+    assert bool(above.collections) == acts
+    assert f"active at {250 * acts} of 250" in figure.legends[0].get_texts()[1].get_text()
 
 
 def test_every_estimator_has_a_colour_of_its_own():
