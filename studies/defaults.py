@@ -143,7 +143,9 @@ def grid(history):
 
 def judge(case):
     """Errors of the rule, of the paper's weights in the same space, of the options, and of the best of the grid."""
-    history = ddmhe.History(case.x, case.y)
+    history = ddmhe.History(
+        case.x, case.y, x_units="x", y_units="y"
+    )  # all states of a case share a unit, all outputs too
 
     def run(**settings):
         try:

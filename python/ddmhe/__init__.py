@@ -6,7 +6,7 @@ fundamental lemma. `DdMhe` solves a small constrained optimisation over a moving
 
 >>> import ddmhe
 >>> record = ddmhe.models.detumbling().simulate(duration=120.0, dt=0.1, noise=0.01)
->>> history = ddmhe.History(record.x[:201], record.y[:200], dt=0.1)
+>>> history = ddmhe.History(record.x[:201], record.y[:200], dt=0.1, x_units="rad/s", y_units="N m")
 >>> estimator = ddmhe.DdMhe(history)
 >>> estimate = estimator.step(record.y[200])   # estimate.x is the state at sample 201
 

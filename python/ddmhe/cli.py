@@ -494,7 +494,11 @@ def _summary(log: Log, split: Split, est: DdMhe, estimates: Estimates) -> Any:
     if split.x_true is not None:
         errors = report.rmse(estimates.x - split.x_true)
         rows |= {f"RMSE {name}": f"{value:.4g}" for name, value in zip(log.names.state, errors, strict=True)}
-        rows["NRMSE"] = f"{report.nrmse(estimates.x, split.x_true):.4f}"
+        relative = report.nrmse(estimates.x, split.x_true)
+        rows |= {f"NRMSE {name}": f"{value:.4f}" for name, value in zip(log.names.state, relative, strict=True)}
+        rows["NRMSE"] = f"{report.root_mean_square(relative):.4f}"
+        if len(relative) > 1 and len(set(split.history.x_units)) == 1 and split.history.x_units[0]:
+            rows["NRMSE pooled"] = f"{report.pooled_nrmse(estimates.x, split.x_true):.4f}"
     return report.table(f"Estimates of {Path(log.path).name}", {"": rows})
 
 

@@ -136,6 +136,7 @@ _EXPECTED: dict[str, tuple[str, Callable[[object], bool]]] = {
     "horizon": ("a whole number", _is_whole),
     "rho": ("a number", _is_number),
     "mu": ("a number", _is_number),
+    "weights": ('"auto", "paper" or "scaled"', lambda v: isinstance(v, str)),
     "x_prior": ("a list of numbers", _is_numbers),
     "x_bounds": ("a list [lo, hi]", _is_numbers),
     "x_center": ('"history"', lambda v: isinstance(v, str)),

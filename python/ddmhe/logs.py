@@ -26,6 +26,7 @@ from ddmhe._core import DdmheError, History
 from ddmhe.arguments import check_kind, check_path, shown
 from ddmhe.grid import samples_of
 from ddmhe.oddities import unwrapped
+from ddmhe.units import unit_of
 
 Array = NDArray[np.float64]
 
@@ -156,7 +157,10 @@ class Log:
             )
         self._check_measured(self.x[: T + 1], self.names.state)
         self._check_measured(self.y[:T], self.names.output)
-        recorded = History(self._bridged(self.x, T + 1), self._bridged(self.y, T), dt=self.dt)
+        x_units, y_units = ([unit_of(name) for name in names] for names in (self.names.state, self.names.output))
+        recorded = History(
+            self._bridged(self.x, T + 1), self._bridged(self.y, T), dt=self.dt, x_units=x_units, y_units=y_units
+        )
         x_true = self.x[T + 1 :]
         return Split(recorded, self.y[T:-1], self.t[T + 1 :], None if np.isnan(x_true).all() else x_true)
 

@@ -2,8 +2,9 @@
 
 *Held-out quarters.* Each quarter of the recording is held out once; the estimator learns from the rest (as two
 recordings, no window across the seam; the part before the quarter last, so that it starts with a full window) and
-estimates the quarter from its outputs, brought to the online noise. The score is the mean over the quarters of log(rms
-error / spread of the states). Horizons beyond a quarter score alike: the window hardly moves.
+estimates the quarter from its outputs, brought to the online noise. The score is the mean over the quarters of
+log(root mean square over states of rms error / spread); states of one unit share a spread. Horizons beyond a quarter
+score alike: the window hardly moves.
 
 *Rehearsals.* Quarters lie inside of the recorded region, and the estimator is to leave it. So a quadratic surrogate
 of the recorded motion (`surrogate`) and others that fit as well are recorded and run on for five times
@@ -34,11 +35,12 @@ from ddmhe._core import DdMhe, DdmheError, History, RankError, Ridge, ShapeError
 from ddmhe.arguments import check_finite, check_flag, check_history, shown
 from ddmhe.design.model import noise_levels
 from ddmhe.surrogate import Surrogate
+from ddmhe.units import shared
 
 Array = NDArray[np.float64]
 
-Fold = tuple[History, Array, Array, Array, list[int]]
-"""Recording to learn from, prior, outputs to estimate from, true states, numbers of estimates that errors cover."""
+Fold = tuple[History, Array, Array, Array, list[int], Array]
+"""Recording to learn from, prior, outputs to estimate from, true states, numbers of estimates per error, spreads."""
 
 __all__ = ["Tuning", "tune"]
 
@@ -77,7 +79,7 @@ class Tuning:
     """The settings that were chosen and why; the estimator takes them as `DdMhe(h, **tuning.settings)`."""
 
     settings: dict[str, Any]
-    """Keywords of DdMhe: horizon, rho, mu, space, warm_start, and equilibrium where it was chosen."""
+    """Keywords of DdMhe: horizon, rho, mu, weights, space, warm_start, and equilibrium where it was chosen."""
     score: float
     """Mean over the quarters of log(rms error / spread of the states): 0 is no better than their mean."""
     table: pd.DataFrame
@@ -100,7 +102,7 @@ class Tuning:
 
     @property
     def mu(self) -> float:
-        """Weight on the fitted noise, in the units of (17)."""
+        """Weight on the fitted noise, in scaled units."""
         return float(self.settings["mu"])
 
     @property
@@ -175,9 +177,17 @@ def tune(
     if T < 20:
         raise RankError(f"history: expected a recording of at least 20 samples to hold parts of it out, found {T}")
     candidates, reference = _candidates(history, T, equilibrium)
-    whole: Fold = (history, history.recordings[-1][0][-1], np.zeros((0, history.p)), np.zeros((0, history.n)), [])
-    folds = [whole, *_quarters(history, longest, extra)]
-    rehearsals = [] if reference > HIDDEN else _rehearsals(history, longest, output_noise, equilibrium)
+    spread = _spread(history, longest)
+    whole: Fold = (
+        history,
+        history.recordings[-1][0][-1],
+        np.zeros((0, history.p)),
+        np.zeros((0, history.n)),
+        [],
+        spread,
+    )
+    folds = [whole, *_quarters(history, longest, extra, spread)]
+    rehearsals = [] if reference > HIDDEN else _rehearsals(history, longest, output_noise, equilibrium, spread)
     folds += rehearsals
     # A warm start saves the short windows: for the spectral radius and where a fold continues its own recording.
     jobs: list[tuple[int, dict[str, Any]]] = [(0, c.given | {"warm_start": True}) for c in candidates]
@@ -185,13 +195,12 @@ def tune(
     late = [1 + QUARTERS + d for d in range(len(rehearsals))]
     jobs += [(fold, c.given | {"warm_start": True}) for c in candidates for fold in late]
     results = iter(_validate(folds, jobs, progress))
-    spread = math.log(float(np.var(history.recordings[longest][0], axis=0).sum()))
     for c in candidates:
         c.radius = next(results)[1]
     for c in candidates:
-        c.scores = np.array([_log(next(results)[0], spread) for _ in range(QUARTERS)])
+        c.scores = np.array([_log(next(results)[0]) for _ in range(QUARTERS)])
     for c in candidates:
-        c.rehearsed = float(np.mean([_log(next(results)[0], spread) for _ in late])) if late else math.nan
+        c.rehearsed = float(np.mean([_log(next(results)[0]) for _ in late])) if late else math.nan
     _rate(candidates, reference)
     ranked = sorted(candidates, key=lambda c: c.rated)
     best = ranked[0]
@@ -201,9 +210,20 @@ def tune(
     return _tuning(history, ranked, warm, candidates[0])
 
 
-def _log(squares: list[float], spread: float) -> float:
+def _log(squares: list[float]) -> float:
     """Mean over spans of log(rms/spread), not below -40."""
-    return float(np.mean([max(0.5 * (math.log(s) - spread), -40.0) if s > 0 else -40.0 for s in squares]))
+    return float(np.mean([max(0.5 * math.log(s), -40.0) if s > 0 else -40.0 for s in squares]))
+
+
+def _spread(history: History, longest: int) -> Array:
+    """What errors of the states (n,) are relative to."""
+    return _spreads(history.recordings[longest][0], history.x_units)
+
+
+def _spreads(values: Array, units: list[str]) -> Array:
+    """Standard deviation of each column, those of one unit pooled; 1 for one that never moved."""
+    spread = np.sqrt(shared(np.var(values, axis=0), units))
+    return np.where(spread > 0, spread, 1.0)
 
 
 def _candidates(
@@ -211,8 +231,7 @@ def _candidates(
 ) -> tuple[list[_Candidate], float]:
     """The default rule and a grid, with and without the equilibrium if it can be used; and the default rule's λ/μ."""
     default = DdMhe(history, warm_start=True)
-    unit = _unit(history)
-    reference = max(default.ridge * unit / default.mu, LAMBDA[0])
+    reference = max(default.ridge / default.mu, LAMBDA[0])
     hidden = reference > HIDDEN
     horizons = sorted({max(2, round(share * T)) for share in HORIZONS[hidden]})
     options: list[dict[str, Any]] = [{}]
@@ -224,22 +243,19 @@ def _candidates(
     for option in options:
         found.append(_Candidate(option, default.horizon, default.mu))
         for M, level in product(horizons, MU[hidden]):
-            given = option | {"horizon": M, "rho": RHO, "mu": level * unit}
+            given = option | {"horizon": M, "rho": RHO, "mu": level, "weights": "scaled"}
             for weight in LAMBDA:
                 space = Ridge(float(f"{weight * level:.6g}"), normalised=True)
-                found.append(_Candidate(given | {"space": space}, M, level * unit, weight))
+                found.append(_Candidate(given | {"space": space}, M, level, weight))
             if not hidden:
                 for rank in range(history.n, history.n + 3):
-                    found.append(_Candidate(given | {"space": Truncated(rank)}, M, level * unit))
+                    found.append(_Candidate(given | {"space": Truncated(rank)}, M, level))
     return found, reference
 
 
-def _unit(history: History) -> float:
-    """(s_x/s_y)²: μ = 1 in units of the recording's spread, in those of (17)."""
-    x = np.concatenate([x for x, _ in history.recordings])
-    y = np.concatenate([y for _, y in history.recordings])
-    spread = float(np.mean(y.var(axis=0)))
-    return float(np.mean(x.var(axis=0))) / (spread if spread > 0 else 1.0)
+def _like(history: History, x: Array, y: Array) -> History:
+    """Another recording of the same channels."""
+    return History(x, y, history.dt, x_units=history.x_units, y_units=history.y_units)
 
 
 def _check_rest(history: History, equilibrium: Any) -> None:
@@ -265,34 +281,47 @@ def _extra_noise(history: History, output_noise: ArrayLike | None) -> Array:
     return np.asarray(np.sqrt(np.maximum(stated**2 - recorded**2, 0.0)))
 
 
-def _quarters(history: History, longest: int, extra: Array) -> list[Fold]:
+def _quarters(history: History, longest: int, extra: Array, spread: Array) -> list[Fold]:
     """Each quarter of the longest recording held out once; what was recorded right before it comes last."""
     recordings = history.recordings
     x, y = recordings[longest]
-    others = [History(a, b, history.dt) for i, (a, b) in enumerate(recordings) if i != longest]
+    others = [_like(history, a, b) for i, (a, b) in enumerate(recordings) if i != longest]
     noisy = y + extra * np.random.default_rng(0).standard_normal(y.shape)
     T = len(y)
     folds = []
     for q in range(QUARTERS):
         a, z = q * T // QUARTERS, (q + 1) * T // QUARTERS
-        rest = [History(x[i : j + 1], y[i:j], history.dt) for i, j in ((z, T), (0, a)) if j - i >= 2]
-        folds.append((History.concat(others + rest), x[a], noisy[a:z], x[a + 1 : z + 1], [z - a]))
+        rest = [_like(history, x[i : j + 1], y[i:j]) for i, j in ((z, T), (0, a)) if j - i >= 2]
+        folds.append((History.concat(others + rest), x[a], noisy[a:z], x[a + 1 : z + 1], [z - a], spread))
     return folds
 
 
 def _rehearsals(
-    history: History, longest: int, output_noise: ArrayLike | None, rest: tuple[ArrayLike, ArrayLike] | None
+    history: History,
+    longest: int,
+    output_noise: ArrayLike | None,
+    rest: tuple[ArrayLike, ArrayLike] | None,
+    spread: Array,
 ) -> list[Fold]:
     """Recordings of surrogates and what follows them, with the recording's noise; none if no surrogate explains it."""
     x, y = history.recordings[longest]
     T, n = len(y), history.n
+    # in units of the spreads, so that no channel's unit weighs
+    scale = _spreads(y, history.y_units)
     known = None
     if rest is not None:
-        known = np.asarray(rest[0], dtype=np.float64).ravel(), np.asarray(rest[1], dtype=np.float64).ravel()
-    surrogate = Surrogate(x, y, known)
+        known = (
+            np.asarray(rest[0], dtype=np.float64).ravel() / spread,
+            np.asarray(rest[1], dtype=np.float64).ravel() / scale,
+        )
+    surrogate = Surrogate(x / spread, y / scale, known)
     if not surrogate.misfit < EXPLAINED:
         return []
-    online = surrogate.noise_y if output_noise is None else float(np.sqrt(np.mean(np.square(output_noise))))
+    online = (
+        surrogate.noise_y
+        if output_noise is None
+        else float(np.sqrt(np.mean(np.square(np.asarray(output_noise) / scale))))
+    )
     folds: list[Fold] = []
     for d in range(DRAWS):
         rng = np.random.default_rng(d)
@@ -302,10 +331,11 @@ def _rehearsals(
             continue
         recorded = motion[: T + 1] + surrogate.noise_x * rng.standard_normal((T + 1, n))
         level = np.where(np.arange(len(outputs)) < T, surrogate.noise_y, max(online, surrogate.noise_y))
-        noisy = outputs + level[:, None] * rng.standard_normal(outputs.shape)
+        noisy = scale * (outputs + level[:, None] * rng.standard_normal(outputs.shape))
+        motion, recorded = spread * motion, spread * recorded
         spans = [min(span * T, len(outputs) - T) for span in SPANS]
-        rehearsed = History(recorded, noisy[:T], history.dt)
-        folds.append((rehearsed, recorded[T], noisy[T:], motion[T + 1 :], spans))
+        rehearsed = _like(history, recorded, noisy[:T])
+        folds.append((rehearsed, recorded[T], noisy[T:], motion[T + 1 :], spans, spread))
     return folds
 
 
@@ -365,10 +395,10 @@ def _warm_start(history: History, longest: int, best: _Candidate, extra: Array) 
     """Whether a start with a full window does better where it can be used: right behind parts of the recording."""
     x, y = history.recordings[longest]
     noisy = y + extra * np.random.default_rng(1).standard_normal(y.shape)
-    folds = []
+    folds, spread = [], _spread(history, longest)
     for share in ORIGINS:
         k = int(share * len(y))
-        folds.append((History(x[: k + 1], y[:k], history.dt), x[k], noisy[k:], x[k + 1 :], [len(y) - k]))
+        folds.append((_like(history, x[: k + 1], y[:k]), x[k], noisy[k:], x[k + 1 :], [len(y) - k], spread))
     jobs = [(i, best.given | {"warm_start": warm}) for warm in (False, True) for i in range(len(folds))]
     errors = np.array([e[0] for e, _ in validate(folds, jobs)]).reshape(2, len(folds))
     usable = np.isfinite(errors).all(axis=0)
@@ -381,7 +411,8 @@ def _warm_start(history: History, longest: int, best: _Candidate, extra: Array) 
 def _tuning(history: History, ranked: list[_Candidate], warm: bool, default: _Candidate) -> Tuning:
     best = ranked[0]
     est = DdMhe(history, **best.given)
-    settings = {"horizon": est.horizon, "rho": est.rho, "mu": est.mu, "space": est.space, "warm_start": warm}
+    settings: dict[str, Any] = {"horizon": est.horizon, "rho": est.rho, "mu": est.mu, "weights": "scaled"}
+    settings |= {"space": est.space, "warm_start": warm}
     if best.equilibrium:
         settings["equilibrium"] = best.given["equilibrium"]
     return Tuning(settings, best.score, _table(ranked), _words(ranked, default), [c.given for c in ranked])

@@ -97,13 +97,14 @@ fn validation_scores_what_run_gives() {
         outputs: outputs.clone(),
         truth: truth[1..].to_vec(),
         spans: vec![5, 20],
+        spread: vec![0.5],
     };
     let config = Config { horizon: Some(4), mu: Some(1e-3), ..Config::default() };
     let scores = validate(&[fold], &[(0, config.clone()), (0, Config { horizon: Some(99), ..config.clone() })]);
     let scores = scores.expect("valid folds");
     let mut mhe = DdMhe::new(&history(), Config { x_prior: Some(vec![4.0]), ..config }).expect("a valid configuration");
     let log = mhe.run(&outputs).expect("valid outputs");
-    let mean = |span: usize| (0..span).map(|k| (log.x[k] - truth[k + 1]).powi(2)).sum::<f64>() / span as f64;
-    assert!((scores[0].errors[0] - mean(5)).abs() <= 1e-15 && (scores[0].errors[1] - mean(20)).abs() <= 1e-15);
+    let mean = |span: usize| (0..span).map(|k| ((log.x[k] - truth[k + 1]) / 0.5).powi(2)).sum::<f64>() / span as f64;
+    assert!((scores[0].errors[0] - mean(5)).abs() <= 1e-14 && (scores[0].errors[1] - mean(20)).abs() <= 1e-14);
     assert!(scores[1].errors.iter().all(|e| e.is_infinite()));
 }

@@ -26,6 +26,18 @@ pub enum Center {
     History,
 }
 
+/// What the cost (17) is measured in.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+pub enum Weighting {
+    /// [`Paper`](Weighting::Paper) beside an explicit ρ or μ or a certificate, else [`Scaled`](Weighting::Scaled).
+    #[default]
+    Auto,
+    /// (17) in the units of x and y, as printed.
+    Paper,
+    /// (17) with every channel in units of its [scale](crate::Scaling): μ has no unit, and rescaling a channel changes nothing.
+    Scaled,
+}
+
 /// Settings of the estimator; every `None` is set by the documented rule of [`defaults`](crate::defaults).
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct Config {
@@ -33,8 +45,10 @@ pub struct Config {
     pub horizon: Option<usize>,
     /// Discount ρ in (0, 1).
     pub rho: Option<f64>,
-    /// Noise weight μ > 0 of (17), in (unit of x / unit of y)².
+    /// Noise weight μ > 0 of (17), in (unit of x / unit of y)², or without a unit where `weights` say so.
     pub mu: Option<f64>,
+    /// What ρ and μ are meant in.
+    pub weights: Weighting,
     /// Prior x̄(0) (n); the last recorded state when absent.
     pub x_prior: Option<Vec<f64>>,
     /// Box on every state of the window (16c).
@@ -55,6 +69,18 @@ pub struct Config {
     pub disturbance: Option<Disturbance>,
 }
 
+impl Config {
+    /// What the cost is measured in, with `Auto` decided.
+    pub(crate) fn weighting(&self) -> Weighting {
+        let stated = self.rho.is_some() || self.mu.is_some() || self.certificate.is_some();
+        match self.weights {
+            Weighting::Auto if stated => Weighting::Paper,
+            Weighting::Auto => Weighting::Scaled,
+            given => given,
+        }
+    }
+}
+
 /// The settings in force after the defaults are filled in.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Settings {
@@ -62,8 +88,11 @@ pub struct Settings {
     pub horizon: usize,
     /// Discount ρ, or a certificate's η.
     pub rho: f64,
-    /// Noise weight μ in the units of (17); of a certificate, the mean of R's diagonal.
+    /// Noise weight μ, in (unit of x / unit of y)² for the weights of (17) as printed, else without a unit; of a certificate, the
+    /// mean of R's diagonal.
     pub mu: f64,
+    /// What the cost is measured in; never `Auto`.
+    pub weights: Weighting,
     /// Directions kept at full depth.
     pub rank: usize,
     /// Weight λ on ‖a‖² (see [`space`](crate::space)), 0 for none.
@@ -91,6 +120,13 @@ pub(crate) fn validate(history: &History, config: &Config) -> Result<(), Error> 
             if let Some(value) = value {
                 return Err(Error::value(name, "none beside a certificate, which holds the weights", value));
             }
+        }
+        if config.weights == Weighting::Scaled {
+            return Err(Error::value(
+                "weights",
+                "\"paper\" or \"auto\" beside a certificate, whose units are the user's",
+                "\"scaled\"",
+            ));
         }
     }
     if let Some(disturbance) = &config.disturbance {

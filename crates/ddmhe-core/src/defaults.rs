@@ -59,12 +59,11 @@ impl Defaults {
     /// `rest` is a known equilibrium (x_e, y_e); on a noisy recording it counts as part of the data, as in
     /// [`space`].
     pub fn new(history: &History, scaling: &Scaling, rest: Option<(&[f64], &[f64])>) -> Self {
-        let [f_x, f_y] = misfit(history, None);
-        let [noise_x, noise_y] = noise(history);
+        let [f_x, f_y] = misfit(history, scaling, None);
+        let [noise_x, noise_y] = relative_noise(history, scaling);
         // Noise leaves a residual *and* fifth differences; curvature alone leaves one of the two.
-        let relative = |noise: f64, s: f64, f: f64| (noise / s).min(f.sqrt());
-        let noisy = relative(noise_x, scaling.s_x, f_x).max(relative(noise_y, scaling.s_y, f_y)) > NOISY;
-        let [f_x, f_y] = if noisy && rest.is_some() { misfit(history, rest) } else { [f_x, f_y] };
+        let noisy = noise_x.min(f_x.sqrt()).max(noise_y.min(f_y.sqrt())) > NOISY;
+        let [f_x, f_y] = if noisy && rest.is_some() { misfit(history, scaling, rest) } else { [f_x, f_y] };
         let misfit = f_x.max(f_y);
         // With one recording of T outputs: 0.6 T. Seams cost windows, and so shorten the horizon.
         let enough = ((1.0 - HORIZON.1) * history.T() as f64).ceil() as usize;
@@ -101,9 +100,26 @@ impl Defaults {
     }
 }
 
-/// Shares of the variance of x(k+1) and of y(k), pooled over channels, that an affine function of x(k) leaves
-/// unexplained, corrected for its n + 1 degrees of freedom; at most 1. A rest counts as often as in the space.
-fn misfit(history: &History, rest: Option<(&[f64], &[f64])>) -> [f64; 2] {
+/// Shares of the variance of x(k+1) and of y(k) that an affine function of x(k) leaves unexplained: pooled over the channels of one
+/// unit, at most 1, then averaged over the channels that move.
+fn misfit(history: &History, scaling: &Scaling, rest: Option<(&[f64], &[f64])>) -> [f64; 2] {
+    let n = history.n();
+    let channels = one_step(history, rest);
+    let [x, y] = &scaling.moved;
+    [(0, &scaling.groups_x, x), (n, &scaling.groups_y, y)].map(|(first, groups, moved)| {
+        let groups: Vec<&Vec<usize>> = groups.iter().filter(|group| moved[group[0]]).collect();
+        let share = |group: &&Vec<usize>| {
+            let sum = |which: usize| group.iter().map(|&i| channels[first + i][which]).sum::<f64>();
+            let share = if sum(1) > 0.0 { (sum(0) / sum(1)).min(1.0) } else { 0.0 };
+            share * group.len() as f64
+        };
+        groups.iter().map(share).sum::<f64>() / groups.iter().map(|group| group.len()).sum::<usize>().max(1) as f64
+    })
+}
+
+/// Of each channel of x(k+1) and of y(k) (n + p): the variance that an affine function of x(k) leaves unexplained, corrected for its
+/// n + 1 degrees of freedom, and the variance itself. A rest counts as often as in the space.
+pub(crate) fn one_step(history: &History, rest: Option<(&[f64], &[f64])>) -> Vec<[f64; 2]> {
     let (n, p) = (history.n(), history.p());
     let mut regressor: Vec<&[f64]> = Vec::new(); // x(k)
     let mut target: Vec<[&[f64]; 2]> = Vec::new(); // x(k+1), y(k)
@@ -121,7 +137,7 @@ fn misfit(history: &History, rest: Option<(&[f64], &[f64])>) -> [f64; 2] {
     }
     let samples = regressor.len();
     if samples <= n + 1 {
-        return [1.0; 2]; // no degree of freedom is left to tell noise from motion
+        return vec![[1.0; 2]; n + p]; // no degree of freedom is left to tell noise from motion
     }
     // Centred columns: the ones column is taken care of, and large offsets cost no digits.
     let X = centred(Mat::from_fn(samples, n, |i, j| regressor[i][j]));
@@ -129,12 +145,8 @@ fn misfit(history: &History, rest: Option<(&[f64], &[f64])>) -> [f64; 2] {
     let residual = &Y - &X * X.col_piv_qr().solve_lstsq(&Y);
     // The variance is that of the recording alone: it is what scales the space.
     let Y = centred(Y.submatrix(0, 0, recorded, n + p).to_owned());
-    let squares = |M: &Mat<f64>, first: usize, columns: usize| M.as_ref().subcols(first, columns).squared_norm_l2();
-    [(0, n), (n, p)].map(|(first, columns)| {
-        let unexplained = squares(&residual, first, columns) / (samples - n - 1) as f64;
-        let variance = squares(&Y, first, columns) / recorded as f64;
-        if variance > 0.0 { (unexplained / variance).min(1.0) } else { 0.0 }
-    })
+    let mean_square = |M: &Mat<f64>, column: usize, count: usize| M.col(column).squared_norm_l2() / count as f64;
+    (0..n + p).map(|j| [mean_square(&residual, j, samples - n - 1), mean_square(&Y, j, recorded)]).collect()
 }
 
 fn centred(mut M: Mat<f64>) -> Mat<f64> {
@@ -145,20 +157,34 @@ fn centred(mut M: Mat<f64>) -> Mat<f64> {
     M
 }
 
-/// Standard deviation of the noise on x and on y, from fifth differences: Δ⁵ of white noise of variance σ² has variance
-/// (1 + 25 + 100 + 100 + 25 + 1) σ² = 252 σ², and Δ⁵ of a smooth signal is next to nothing.
-fn noise(history: &History) -> [f64; 2] {
-    const DELTA: [f64; 6] = [-1.0, 5.0, -10.0, 10.0, -5.0, 1.0];
-    let level = |signal: fn(&History, usize) -> &[f64], width: usize| {
-        let (mut squares, mut count) = (0.0, 0.0_f64);
-        for i in 0..history.recordings() {
-            let s = signal(history, i);
-            for k in 0..s.len().saturating_sub(5 * width) {
-                squares += DELTA.iter().enumerate().map(|(j, c)| c * s[k + j * width]).sum::<f64>().powi(2);
-                count += 1.0;
-            }
-        }
-        (squares / count.max(1.0) / 252.0).sqrt()
+/// Noise of x and of y as fifth differences show it, relative to the deviations of each unit; root mean square over channels.
+fn relative_noise(history: &History, scaling: &Scaling) -> [f64; 2] {
+    let level = |signal: fn(&History, usize) -> &[f64], units: &[f64], groups: &[Vec<usize>]| {
+        let noise: Vec<f64> = (0..units.len()).map(|i| fifth_differences(history, signal, (i, units.len()))).collect();
+        let variance: Vec<f64> = units.iter().map(|unit| unit * unit).collect();
+        let (noise, variance) = (space::shared(&noise, groups), space::shared(&variance, groups));
+        let ratios = noise.iter().zip(&variance).map(|(noise, variance)| noise / variance);
+        (ratios.sum::<f64>() / units.len() as f64).sqrt()
     };
-    [level(History::x, history.n()), level(History::y, history.p())]
+    [level(History::x, &scaling.unit_x, &scaling.groups_x), level(History::y, &scaling.unit_y, &scaling.groups_y)]
+}
+
+/// Variance of the noise on one channel of a signal, (its number, how many there are): Δ⁵ of white noise of variance σ² has variance
+/// (1 + 25 + 100 + 100 + 25 + 1) σ² = 252 σ², and Δ⁵ of a smooth signal is next to nothing. 0 where no recording is long enough.
+pub(crate) fn fifth_differences(
+    history: &History,
+    signal: fn(&History, usize) -> &[f64],
+    channel: (usize, usize),
+) -> f64 {
+    const DELTA: [f64; 6] = [-1.0, 5.0, -10.0, 10.0, -5.0, 1.0];
+    let (i, width) = channel;
+    let (mut squares, mut count) = (0.0, 0.0_f64);
+    for r in 0..history.recordings() {
+        let s = signal(history, r);
+        for k in (i..s.len().saturating_sub(5 * width)).step_by(width) {
+            squares += DELTA.iter().enumerate().map(|(j, c)| c * s[k + j * width]).sum::<f64>().powi(2);
+            count += 1.0;
+        }
+    }
+    squares / count.max(1.0) / 252.0
 }

@@ -1,6 +1,6 @@
 //! What an estimator computes at construction: settings, weights and the problems of all depths.
 
-use crate::config::{Bounds, Center, Config, Settings, validate};
+use crate::config::{Bounds, Center, Config, Settings, Weighting, validate};
 use crate::defaults::Defaults;
 use crate::error::Error;
 use crate::hankel::check_excitation;
@@ -33,8 +33,7 @@ impl Design {
         let scaling = Scaling::new(history)?;
         let rest = config.equilibrium.as_ref().map(|(x, y)| (&x[..], &y[..]));
         let rule = Defaults::new(history, &scaling, rest);
-        let unit = (scaling.s_y / scaling.s_x).powi(2); // μ in scaled units is μ·unit
-        let weights = Weights::new(config, &rule, unit, history.n(), history.p())?;
+        let weights = Weights::new(config, &rule, &scaling)?;
         let horizon = rule.horizon_for(config)?;
         check_excitation(history, horizon)?;
 
@@ -47,7 +46,7 @@ impl Design {
             WindowProblem::new(shape, space, &scaling, &weights, (config.x_bounds.as_ref(), centered), None)
                 .map_err(factorisation)
         };
-        let mut selection = select(&config.space, &rule, weights.mu(), history.n());
+        let mut selection = select(&config.space, &rule, &weights, history.n());
         let mut deepest = problem(horizon, &selection)?;
         let mut radius = spectral_radius(&deepest);
         for _ in 0..tol::GUARD {
@@ -57,10 +56,12 @@ impl Design {
             deepest = problem(horizon, &selection)?;
             radius = spectral_radius(&deepest);
         }
+        let weighting = config.weighting();
         let settings = Settings {
             horizon,
             rho: weights.rho,
-            mu: weights.mu() / unit,
+            mu: if weighting == Weighting::Scaled { weights.mu() } else { weights.mu_as_printed(&scaling) },
+            weights: weighting,
             rank: deepest.rank(),
             lambda: deepest.space.lambda,
             equilibrium_used,
@@ -122,14 +123,14 @@ pub(crate) fn filled(history: &History, config: &Config, horizon: usize) -> usiz
 }
 
 /// The chosen space in normalised units.
-fn select(space: &Space, rule: &Defaults, mu: f64, n: usize) -> Selection {
+fn select(space: &Space, rule: &Defaults, weights: &Weights, n: usize) -> Selection {
     match *space {
-        Space::Auto => rule.selection(mu),
+        Space::Auto => rule.selection(weights.mu()),
         Space::Exact => Selection { rank: None, tol: None, penalty: Penalty::None },
         Space::Truncated { rank: None, tol: None } => Selection { rank: Some(n), tol: None, penalty: Penalty::None },
         Space::Truncated { rank, tol } => Selection { rank, tol, penalty: Penalty::None },
         Space::Ridge { weight, normalised } => {
-            let penalty = if normalised { Penalty::Normalised(weight) } else { Penalty::Alpha(weight) };
+            let penalty = if normalised { Penalty::Normalised(weight) } else { Penalty::Alpha(weight / weights.unit) };
             Selection { rank: None, tol: None, penalty }
         }
     }

@@ -22,6 +22,8 @@ pub struct History {
     p: usize,
     dt: f64,
     recordings: Vec<Recording>,
+    x_units: Vec<String>, // one a channel, "" where unknown
+    y_units: Vec<String>,
 }
 
 impl History {
@@ -61,13 +63,36 @@ impl History {
         }
         check_finite("x", x, n)?;
         check_finite("y", y, p)?;
-        Ok(History { n, p, dt, recordings: vec![Recording { x: x.to_vec(), y: y.to_vec() }] })
+        let recordings = vec![Recording { x: x.to_vec(), y: y.to_vec() }];
+        let unknown = |channels: usize| vec![String::new(); channels];
+        Ok(History { n, p, dt, recordings, x_units: unknown(n), y_units: unknown(p) })
+    }
+
+    /// The same history with the units of its channels: channels of one unit share a scale. Each list holds one name a channel, or
+    /// a single one for all; an empty name is an unknown unit, unlike every other.
+    ///
+    /// # Errors
+    /// [`Error::Shape`] for a list of another length.
+    pub fn with_units<S: AsRef<str>>(mut self, x_units: &[S], y_units: &[S]) -> Result<Self, Error> {
+        self.x_units = units("x_units", x_units, self.n)?;
+        self.y_units = units("y_units", y_units, self.p)?;
+        Ok(self)
+    }
+
+    /// Units of the states, one a channel; "" where unknown.
+    pub fn x_units(&self) -> &[String] {
+        &self.x_units
+    }
+
+    /// Units of the outputs, one a channel; "" where unknown.
+    pub fn y_units(&self) -> &[String] {
+        &self.y_units
     }
 
     /// Joins recordings of one system; windows never cross a seam.
     ///
     /// # Errors
-    /// [`Error::Shape`] when the list is empty or channel counts differ, [`Error::Value`] when `dt` differs.
+    /// [`Error::Shape`] when the list is empty or channel counts differ, [`Error::Value`] when `dt` or a unit differs.
     pub fn concat(histories: &[History]) -> Result<Self, Error> {
         let first =
             histories.first().ok_or_else(|| Error::shape("histories", "at least one History", "an empty list"))?;
@@ -79,6 +104,17 @@ impl History {
                     format!("n = {}, p = {} in every recording", first.n, first.p),
                     format!("n = {}, p = {}", h.n, h.p),
                 ));
+            }
+            for (name, mine, others) in
+                [("x_units", &first.x_units, &h.x_units), ("y_units", &first.y_units, &h.y_units)]
+            {
+                if mine != others {
+                    return Err(Error::value(
+                        "histories",
+                        format!("{name} = {mine:?} in every recording"),
+                        format!("{others:?}"),
+                    ));
+                }
             }
             if (h.dt - first.dt).abs() > 1e-9 * first.dt {
                 return Err(Error::value("histories", format!("dt = {} s in every recording", first.dt), h.dt));
@@ -92,7 +128,7 @@ impl History {
     pub(crate) fn revalidated(&self) -> Result<Self, Error> {
         let parts: Result<Vec<History>, Error> =
             self.recordings.iter().map(|r| History::new(self.n, self.p, &r.x, &r.y, self.dt)).collect();
-        History::concat(&parts?)
+        History::concat(&parts?)?.with_units(&self.x_units, &self.y_units)
     }
 
     /// Number of states n.
@@ -161,6 +197,15 @@ impl History {
             return Err(Error::value("depth", format!("1 to {longest}, the longest recording's T"), depth));
         }
         Ok(RankReport::new(self, depth))
+    }
+}
+
+/// One unit a channel, from as many or from one for all.
+fn units(argument: &'static str, given: &[impl AsRef<str>], channels: usize) -> Result<Vec<String>, Error> {
+    match given {
+        [one] => Ok(vec![one.as_ref().trim().to_string(); channels]),
+        all if all.len() == channels => Ok(all.iter().map(|unit| unit.as_ref().trim().to_string()).collect()),
+        _ => Err(Error::shape(argument, format!("1 or {channels} names"), given.len())),
     }
 }
 

@@ -81,7 +81,7 @@ mod window;
 mod zonotope;
 
 pub use certificate::{Certificate, Disturbance, Model, Uncertainty, minimum_horizon};
-pub use config::{Bounds, Center, Config, Settings};
+pub use config::{Bounds, Center, Config, Settings, Weighting};
 pub use error::Error;
 pub use estimate::{Estimate, Log};
 pub use hankel::{BlockHankel, RankReport};

@@ -95,7 +95,7 @@ pub(crate) fn reduce(
     let mut A_t = space.basis.transpose().to_owned();
     R.transpose().solve_lower_triangular_in_place(A_t.as_mut());
     let K_c = match centered {
-        true => Some(R * center_gain(space, &seen[n..], weights.mu(), |i| measured[i])?),
+        true => Some(R * center_gain(space, &seen[n..], weights, |i| measured[i])?),
         false => None,
     };
     // Q_F Q_Gᵀ = 0: the kernel of F alone reaches whatever G b is to be
@@ -134,20 +134,21 @@ fn least_norm(F: MatRef<'_, f64>, space: &TrajectorySpace) -> Result<Mat<f64>, S
 fn center_gain(
     space: &TrajectorySpace,
     y_rows: &[usize],
-    mu: f64,
+    weights: &Weights,
     measured: impl Fn(usize) -> bool,
 ) -> Result<Mat<f64>, SvdError> {
     let r = space.rank();
     let length =
         |j: usize| if space.lambda > 0.0 { 1.0 } else { space.singular_values[j] / (space.windows as f64).sqrt() };
-    let Y =
-        Mat::from_fn(y_rows.len(), r, |i, j| if measured(i) { space.basis[(y_rows[i], j)] * length(j) } else { 0.0 });
+    let alike = |i: usize| if measured(i) { weights.alike[i % weights.alike.len()] } else { 0.0 };
+    let Y = Mat::from_fn(y_rows.len(), r, |i, j| space.basis[(y_rows[i], j)] * length(j) * alike(i));
     let svd = Y.thin_svd()?;
     let sigma = svd.S().column_vector();
     let k = sigma.nrows();
     let floor = if k > 0 { tol::RANK_EPS * r.max(y_rows.len()) as f64 * sigma[0] } else { 0.0 };
-    let filter = |s: f64| if s > floor { s / (s * s + space.lambda / mu) } else { 0.0 };
+    let filter = |s: f64| if s > floor { s / (s * s + space.lambda / weights.mu()) } else { 0.0 };
     let (U, V) = (svd.U(), svd.V());
     let right = Mat::from_fn(r, k, |i, j| length(i) * V[(i, j)] * filter(sigma[j]));
-    Ok(right * U.transpose())
+    let K = right * U.transpose();
+    Ok(Mat::from_fn(r, y_rows.len(), |i, j| K[(i, j)] * alike(j)))
 }

@@ -15,9 +15,9 @@
 //!
 //! (Vᵀ1 = 0 because the deviations sum to zero, so 1/N and V z are orthogonal). The N unknowns α become r = rank.
 //!
-//! *Scaling.* State rows are divided by s_x and output rows by s_y, the standard deviations pooled over the channels
-//! of each group. For the exact space this changes nothing but the numerics; for a truncated or regularised one it
-//! defines what "small" means. Everything inside this crate's estimator is in these units.
+//! *Scaling.* Every channel is divided by its scale, [`Scaling`]: channels of one unit share one, all others have each their
+//! own. For the exact space this changes nothing but the numerics; for a truncated or regularised one it defines what "small"
+//! means. Everything inside this crate's estimator is in these units.
 //!
 //! *Rounding.* W is recorded in double precision, so it is off by a matrix E with |E_ij| ≤ ε_j = eps·max|channel|/s: by a
 //! multiple of eps where channels are centred, by a thousand times that where they stand a thousand deviations from zero.
@@ -29,6 +29,7 @@
 //! recording hardly excited are not ill-conditioned. With a weight they are a = √N z, of unit variance over the
 //! recording, the basis is U S/√N and ‖α‖² = (1 + ‖a‖²)/N.
 
+use crate::defaults::{fifth_differences, one_step};
 use crate::error::Error;
 use crate::history::History;
 use crate::tol;
@@ -56,7 +57,7 @@ pub enum Space {
     Ridge {
         /// Weight, > 0.
         weight: f64,
-        /// Whether it is on ‖a‖² = N‖α‖² - 1 in units of s_x² instead: the same for every recording length, horizon and unit.
+        /// Whether it is on ‖a‖² = N‖α‖² - 1 in scaled units instead: the same for every recording length, horizon and unit.
         normalised: bool,
     },
 }
@@ -66,7 +67,7 @@ pub enum Space {
 pub(crate) struct Selection {
     pub rank: Option<usize>,
     pub tol: Option<f64>,
-    /// λ, weight on ‖a‖² = N‖α‖² - 1 in units of s_x².
+    /// λ, weight on ‖a‖² = N‖α‖² - 1 in scaled units.
     pub penalty: Penalty,
 }
 
@@ -86,114 +87,186 @@ pub(crate) enum Penalty {
     None,
     /// On ‖a‖², normalised: independent of N and of units.
     Normalised(f64),
-    /// On ‖α‖² in the units of (17).
+    /// On ‖α‖², in scaled units of the cost.
     Alpha(f64),
 }
 
-/// Pooled standard deviations and channel means of the recordings.
+/// Smallest variance of noise, relative to the channel's own, in weighing challengers and states, and in scaling outputs: a smooth
+/// recording has next to no fifth differences.
+const LEAST: (f64, f64) = (1e-10, 1e-4);
+
+/// The scale of every channel: what one unit of the estimator's own coordinates is in the user's units.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Scaling {
-    /// Pooled standard deviation of the state channels.
-    pub s_x: f64,
-    /// Pooled standard deviation of the output channels (1 when the output never moved).
-    pub s_y: f64,
+    /// Of the state channels (n).
+    pub s_x: Vec<f64>,
+    /// Of the output channels (p).
+    pub s_y: Vec<f64>,
     pub(crate) mean_x: Vec<f64>,
     pub(crate) mean_y: Vec<f64>,
     /// What a tolerance on each state channel is in units of: its own deviation, in the user's units.
     pub(crate) unit_x: Vec<f64>,
     /// The same of the output channels.
     pub(crate) unit_y: Vec<f64>,
-    /// Σ ε² over the channels of x and of y, ε the rounding of a recorded number in scaled units.
-    rounding: [f64; 2],
+    /// Variance of the noise on each output channel from fifth differences, at least 1e-10 of the channel's variance.
+    pub(crate) noise_y: Vec<f64>,
+    /// Numbers of the channels of each unit.
+    pub(crate) groups_x: Vec<Vec<usize>>,
+    pub(crate) groups_y: Vec<Vec<usize>>,
+    /// Whether anything of each channel's unit moved.
+    pub(crate) moved: [Vec<bool>; 2],
+    /// Largest magnitude of each channel: what its rounding is measured by.
+    reach_x: Vec<f64>,
+    reach_y: Vec<f64>,
 }
 
 impl Scaling {
-    /// Means and pooled deviations over all samples of all recordings.
+    /// Scales of the channels, those of one unit together. States: the geometric mean of the group's deviation and of what an affine
+    /// step from the state before leaves of it. Outputs: the group's noise as its fifth differences show it, at least a
+    /// hundredth of its deviation. Both are brought to the geometric mean of the deviations: a lone group has exactly its pooled
+    /// deviation. A channel that never moved is scaled by its magnitude, which leaves its rounding what it is.
     ///
     /// # Errors
     /// [`Error::Rank`] when the state never moves: such a recording says nothing.
     pub fn new(history: &History) -> Result<Self, Error> {
-        let all = |signal: fn(&History, usize) -> &[f64]| {
-            (0..history.recordings()).flat_map(move |i| signal(history, i).iter().copied())
-        };
-        let (mean_x, s_x, unit_x) = pooled(all(History::x), history.n());
-        let (mean_y, s_y, unit_y) = pooled(all(History::y), history.p());
-        if s_x == 0.0 {
+        let (groups_x, groups_y) = (groups(history.x_units()), groups(history.y_units()));
+        let x = Channels::new(history, History::x, history.n(), &groups_x);
+        let y = Channels::new(history, History::y, history.p(), &groups_y);
+        if !x.moved.contains(&true) {
             return Err(Error::rank("history", "a state x that changes", "the same x in every sample"));
         }
-        let s_y = if s_y > 0.0 { s_y } else { 1.0 };
-        let squares = |size: Vec<f64>, s: f64| size.iter().map(|m| (f64::EPSILON * m / s).powi(2)).sum();
-        let rounding =
-            [squares(largest(all(History::x), history.n()), s_x), squares(largest(all(History::y), history.p()), s_y)];
-        Ok(Scaling { s_x, s_y, mean_x, mean_y, unit_x, unit_y, rounding })
+        let noise = |floor: f64| -> Vec<f64> {
+            let of = |(i, variance): (usize, &f64)| {
+                fifth_differences(history, History::y, (i, history.p())).max(floor * variance)
+            };
+            y.variance.iter().enumerate().map(of).collect()
+        };
+        // What is left of a state when the one before is known, and its spread: the prior is between the two.
+        let left: Vec<f64> = one_step(history, None).iter().map(|[unexplained, _]| *unexplained).collect();
+        let left = shared(&left[..history.n()], &groups_x);
+        let between = |(left, spread): (f64, f64)| (left.max(LEAST.0 * spread) * spread).sqrt();
+        let squares: Vec<f64> = left.into_iter().zip(shared(&x.variance, &groups_x)).map(between).collect();
+        Ok(Scaling {
+            s_x: x.scales(&squares),
+            s_y: y.scales(&shared(&noise(LEAST.1), &groups_y)),
+            noise_y: noise(LEAST.0),
+            mean_x: x.mean,
+            mean_y: y.mean,
+            unit_x: x.unit,
+            unit_y: y.unit,
+            groups_x,
+            groups_y,
+            moved: [x.moved, y.moved],
+            reach_x: x.reach,
+            reach_y: y.reach,
+        })
     }
 
     /// Frobenius norm, at most, of the rounding in a stack of `windows` windows of `depth`, in scaled units.
     fn rounding(&self, windows: usize, depth: usize) -> f64 {
-        let ([x, y], m) = (self.rounding, depth as f64);
+        let squares = |reach: &[f64], s: &[f64]| -> f64 {
+            reach.iter().zip(s).map(|(reach, s)| (f64::EPSILON * reach / s).powi(2)).sum()
+        };
+        let (x, y, m) = (squares(&self.reach_x, &self.s_x), squares(&self.reach_y, &self.s_y), depth as f64);
         (windows as f64 * (m * (x + y) + x)).sqrt()
+    }
+
+    /// Mean squares of the scales of the states and of the outputs: what (17) as printed is measured by.
+    pub(crate) fn mean_squares(&self) -> (f64, f64) {
+        let mean = |s: &[f64]| s.iter().map(|s| s * s).sum::<f64>() / s.len() as f64;
+        (mean(&self.s_x), mean(&self.s_y))
     }
 
     /// One sample (x, y), or x alone with an empty y, as scaled deviations from the channel means.
     #[inline]
     pub(crate) fn deviations(&self, x: &[f64], y: &[f64]) -> impl Iterator<Item = f64> {
-        let x = x.iter().zip(&self.mean_x).map(|(v, m)| (v - m) / self.s_x);
-        let y = y.iter().zip(&self.mean_y).map(|(v, m)| (v - m) / self.s_y);
+        let x = x.iter().zip(&self.mean_x).zip(&self.s_x).map(|((v, m), s)| (v - m) / s);
+        let y = y.iter().zip(&self.mean_y).zip(&self.s_y).map(|((v, m), s)| (v - m) / s);
         x.chain(y)
     }
 
     /// The state of channel i in the user's units, from a scaled deviation.
     pub(crate) fn state(&self, i: usize, deviation: f64) -> f64 {
-        deviation * self.s_x + self.mean_x[i]
+        deviation * self.s_x[i] + self.mean_x[i]
     }
 
     /// Entry k of an output window in the user's units, from a scaled deviation.
     pub(crate) fn output(&self, k: usize, deviation: f64) -> f64 {
-        deviation * self.s_y + self.mean_y[k % self.mean_y.len()]
-    }
-
-    /// The channel means of one sample (x, y), scaled.
-    fn means(&self) -> Vec<f64> {
-        let x = self.mean_x.iter().map(|m| m / self.s_x);
-        x.chain(self.mean_y.iter().map(|m| m / self.s_y)).collect()
+        let i = k % self.mean_y.len();
+        deviation * self.s_y[i] + self.mean_y[i]
     }
 }
 
-/// Channel means, the standard deviation pooled over channels, and each channel's unit of tolerances.
-fn pooled(values: impl Iterator<Item = f64> + Clone, width: usize) -> (Vec<f64>, f64, Vec<f64>) {
-    let mut mean = vec![0.0; width];
-    let mut count = 0.0;
-    for (k, v) in values.clone().enumerate() {
-        mean[k % width] += v;
-        count += 1.0;
+/// Channels that share a unit, each by its number; a channel of unknown unit stands alone.
+fn groups(units: &[String]) -> Vec<Vec<usize>> {
+    let mut groups: Vec<Vec<usize>> = Vec::new();
+    for (i, unit) in units.iter().enumerate() {
+        match groups.iter_mut().find(|group| !unit.is_empty() && units[group[0]] == *unit) {
+            Some(group) => group.push(i),
+            None => groups.push(vec![i]),
+        }
     }
-    mean.iter_mut().for_each(|m| *m *= width as f64 / count);
-    let squares: f64 = values.clone().enumerate().map(|(k, v)| (v - mean[k % width]).powi(2)).sum();
-    let s = (squares / count).sqrt();
-    let units = (0..width).map(|i| unit(values.clone().skip(i).step_by(width), mean[i], s)).collect();
-    (mean, s, units)
+    groups
 }
 
-/// The standard deviation of one channel. One that never moved has none: its value is known to rounding, its own or, at 0,
-/// that of the numbers beside it.
-fn unit(values: impl Iterator<Item = f64>, mean: f64, pooled: f64) -> f64 {
-    let (mut lo, mut hi, mut squares, mut count) = (f64::INFINITY, f64::NEG_INFINITY, 0.0, 0.0);
-    for v in values {
-        (lo, hi) = (lo.min(v), hi.max(v));
-        squares += (v - mean).powi(2);
-        count += 1.0;
+/// Each channel's mean over its group.
+pub(crate) fn shared(values: &[f64], groups: &[Vec<usize>]) -> Vec<f64> {
+    let mut shared = vec![0.0; values.len()];
+    for group in groups {
+        let mean = group.iter().map(|&i| values[i]).sum::<f64>() / group.len() as f64;
+        group.iter().for_each(|&i| shared[i] = mean);
     }
-    let beside = tol::UNMOVED * pooled;
-    let moved = hi - lo > tol::UNMOVED * lo.abs().max(hi.abs()).max(pooled);
-    let own = if moved { (squares / count).sqrt() } else { mean.abs().max(beside) };
-    if own > 0.0 { own } else { 1.0 }
+    shared
 }
 
-/// Largest magnitude of each channel.
-fn largest(values: impl Iterator<Item = f64>, width: usize) -> Vec<f64> {
-    let mut largest = vec![0.0_f64; width];
-    values.enumerate().for_each(|(k, v)| largest[k % width] = largest[k % width].max(v.abs()));
-    largest
+/// What one signal does, channel by channel.
+struct Channels {
+    mean: Vec<f64>,
+    variance: Vec<f64>,
+    moved: Vec<bool>, // whether anything in its group did
+    pooled: Vec<f64>, // standard deviation over its group
+    unit: Vec<f64>,   // what tolerances are in units of
+    reach: Vec<f64>,  // largest magnitude
+}
+
+impl Channels {
+    fn new(history: &History, signal: fn(&History, usize) -> &[f64], width: usize, groups: &[Vec<usize>]) -> Self {
+        let channel = |i: usize| {
+            (0..history.recordings()).flat_map(move |r| signal(history, r).iter().skip(i).step_by(width).copied())
+        };
+        let average = |values: &mut dyn Iterator<Item = f64>| {
+            let (sum, count) = values.fold((0.0, 0.0), |(sum, count), v| (sum + v, count + 1.0));
+            sum / count
+        };
+        let mean: Vec<f64> = (0..width).map(|i| average(&mut channel(i))).collect();
+        let variance: Vec<f64> = (0..width).map(|i| average(&mut channel(i).map(|v| (v - mean[i]).powi(2)))).collect();
+        let pooled: Vec<f64> = shared(&variance, groups).iter().map(|v| v.sqrt()).collect();
+        let reach: Vec<f64> = (0..width).map(|i| channel(i).fold(0.0, |most, v| v.abs().max(most))).collect();
+        let moves = |i: usize| {
+            let (lo, hi) = channel(i).fold((f64::INFINITY, f64::NEG_INFINITY), |(lo, hi), v| (lo.min(v), hi.max(v)));
+            hi - lo > tol::UNMOVED * reach[i].max(pooled[i])
+        };
+        let own: Vec<bool> = (0..width).map(moves).collect();
+        let unit = |i: usize| {
+            let still = reach[i].max(tol::UNMOVED * pooled[i]);
+            let unit = if own[i] { variance[i].sqrt() } else { still };
+            if unit > 0.0 { unit } else { 1.0 }
+        };
+        let unit = (0..width).map(unit).collect();
+        let mut moved = own.clone();
+        groups.iter().filter(|group| group.iter().any(|&i| own[i])).flatten().for_each(|&i| moved[i] = true);
+        Channels { mean, variance, moved, pooled, unit, reach }
+    }
+
+    /// Roots of squared scales, brought to the geometric mean of the groups' deviations; a channel in whose group nothing moved has
+    /// no scale but its magnitude.
+    fn scales(&self, squares: &[f64]) -> Vec<f64> {
+        let moved: Vec<usize> = (0..squares.len()).filter(|&i| self.moved[i]).collect();
+        let level = moved.iter().map(|&i| self.pooled[i].ln() - 0.5 * squares[i].ln()).sum::<f64>();
+        let level = (level / moved.len().max(1) as f64).exp();
+        let scale = |i: usize| if self.moved[i] { level * squares[i].sqrt() } else { self.unit[i] };
+        (0..squares.len()).map(scale).collect()
+    }
 }
 
 /// The windows of one depth that the data allow.
@@ -203,13 +276,13 @@ pub struct TrajectorySpace {
     pub depth: usize,
     /// Number N of recorded windows behind it.
     pub windows: usize,
-    /// Mean window c (d), in scaled units.
+    /// Mean window c (d), as scaled deviations from the channel means.
     pub mean: Vec<f64>,
     /// Basis (d × r), in scaled units.
     pub basis: Mat<f64>,
     /// The r singular values kept, of the centred and scaled stack.
     pub singular_values: Vec<f64>,
-    /// Weight λ on ‖a‖² (cost in units of s_x²); 0 when there is none.
+    /// Weight λ on ‖a‖² (cost in scaled units); 0 when there is none.
     pub lambda: f64,
 }
 
@@ -300,11 +373,7 @@ impl<'a> WindowStack<'a> {
         }
         let windows = recorded + copies;
         let R = upper(stacked.as_ref(), 1 + d);
-        let mut space = select(R.as_ref(), depth, windows, self.scaling, selection);
-        // back from deviations about the channel means to scaled units
-        let means = self.scaling.means();
-        space.mean.iter_mut().enumerate().for_each(|(row, m)| *m += means[row % (n + p)]);
-        space
+        select(R.as_ref(), depth, windows, self.scaling.rounding(windows, depth), selection)
     }
 }
 
@@ -321,26 +390,20 @@ fn upper(rows: MatRef<'_, f64>, columns: usize) -> Mat<f64> {
 }
 
 /// Mean, basis and weight from the factor R of [1 Wᵀ].
-fn select(
-    R: MatRef<'_, f64>,
-    depth: usize,
-    windows: usize,
-    scaling: &Scaling,
-    selection: &Selection,
-) -> TrajectorySpace {
+fn select(R: MatRef<'_, f64>, depth: usize, windows: usize, rounding: f64, selection: &Selection) -> TrajectorySpace {
     let d = R.ncols() - 1;
     let mean: Vec<f64> = (0..d).map(|j| R[(0, 1 + j)] / R[(0, 0)]).collect();
     let (U, sigma) = right_singular(R.submatrix(1, 1, R.nrows() - 1, d));
     let sigma_1 = sigma.first().copied().unwrap_or(0.0);
     let floor = (sigma_1 * (tol::RANK_EPS * windows.max(d) as f64).max(selection.tol.unwrap_or(0.0)))
-        .max(tol::DATA_ROUNDING * scaling.rounding(windows, depth));
+        .max(tol::DATA_ROUNDING * rounding);
     let above = sigma.iter().take_while(|&&s| s > floor).count();
     let rank = above.min(selection.rank.unwrap_or(usize::MAX));
     let N = windows as f64;
     let lambda = match selection.penalty {
         Penalty::None => 0.0,
         Penalty::Normalised(weight) => weight,
-        Penalty::Alpha(weight) => weight / (N * scaling.s_x * scaling.s_x),
+        Penalty::Alpha(weight) => weight / N,
     };
     let length = |i: usize| if lambda > 0.0 { sigma[i] / N.sqrt() } else { 1.0 };
     let basis = Mat::from_fn(d, rank, |i, j| U[(i, j)] * length(j));

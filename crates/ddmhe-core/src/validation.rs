@@ -19,12 +19,14 @@ pub struct Fold {
     pub truth: Vec<f64>,
     /// How many of the first estimates each error covers; each from 1 to N.
     pub spans: Vec<usize>,
+    /// What the error of each state is relative to (n), > 0.
+    pub spread: Vec<f64>,
 }
 
 /// How one setting did on one fold.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Score {
-    /// Mean of ‖x̂ - x‖² over the estimates of each span, infinite if the setting cannot be used on this fold.
+    /// Mean over states of the squares of (x̂ - x)/spread, and over the estimates of each span, infinite if the setting cannot be used on this fold.
     pub errors: Vec<f64>,
     /// Spectral radius of the map prior → estimate, infinite likewise.
     pub spectral_radius: f64,
@@ -48,6 +50,10 @@ impl Fold {
         if let Some(span) = self.spans.iter().find(|s| **s == 0 || **s > expected / n) {
             return Err(Error::value("spans", format!("1 to {} estimates", expected / n), span));
         }
+        check_vector("spread", &self.spread, n)?;
+        if let Some(spread) = self.spread.iter().find(|s| **s <= 0.0) {
+            return Err(Error::value("spread", "positive numbers", spread));
+        }
         check_finite("truth", &self.truth, n)
     }
 
@@ -57,10 +63,12 @@ impl Fold {
         let mut mhe = DdMhe::new(&self.history, config).ok()?;
         let spectral_radius = mhe.spectral_radius();
         let log = mhe.run(&self.outputs).ok()?;
+        let n = self.history.n();
         let squares = |span: usize| -> f64 {
-            log.x.iter().zip(&self.truth).take(span * self.history.n()).map(|(a, b)| (a - b).powi(2)).sum()
+            let pairs = log.x.iter().zip(&self.truth).zip(self.spread.iter().cycle());
+            pairs.take(span * n).map(|((a, b), spread)| ((a - b) / spread).powi(2)).sum()
         };
-        let errors: Vec<f64> = self.spans.iter().map(|&span| squares(span) / span as f64).collect();
+        let errors: Vec<f64> = self.spans.iter().map(|&span| squares(span) / (span * n) as f64).collect();
         let finite = spectral_radius.is_finite() && errors.iter().all(|e| e.is_finite());
         finite.then_some(Score { errors, spectral_radius })
     }

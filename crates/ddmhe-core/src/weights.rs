@@ -1,52 +1,89 @@
 //! The weights of the cost (17), scalar or of a certificate, in scaled units.
 
 use crate::certificate::{Certificate, factor, norm};
-use crate::config::Config;
+use crate::config::{Config, Weighting};
 use crate::defaults::Defaults;
 use crate::error::Error;
-use crate::panels::dot;
+use crate::space::Scaling;
 use faer::{Mat, Side};
 use std::borrow::Cow;
 
-/// 2ρ^m ‖x̂(t-m) - x̄‖²_P + Σ_j ρ^{j-1} ‖v̂(t-j)‖²_R in scaled units, cost in units of s_x².
+/// 2ρ^m ‖x̂(t-m) - x̄‖²_P + Σ_j ρ^{j-1} ‖v̂(t-j)‖²_R in scaled units.
 #[derive(Debug, Clone)]
 pub(crate) struct Weights {
     pub rho: f64,
+    /// What the cost in scaled units is to be multiplied with: 1, or for weights in the user's units the mean of the s_x².
+    pub unit: f64,
     prior: Mat<f64>, // U with P = UᵀU: n × n
     noise: Mat<f64>, // U with R = UᵀU: p × p
     R: Mat<f64>,
-    plain: bool, // P = I, R = μI
+    plain: bool, // P and R are diagonal
+    /// What a scaled output is multiplied with where all outputs are to count alike: 1, or to the user's units.
+    pub alike: Vec<f64>,
 }
 
 impl Weights {
-    /// A certificate's weights, or scalar ones; `unit` is s_y² / s_x².
-    pub fn new(config: &Config, rule: &Defaults, unit: f64, n: usize, p: usize) -> Result<Self, Error> {
-        match &config.certificate {
-            Some(c) => Weights::certified(c, unit, n, p)
+    /// A certificate's weights, those of (17) as printed, or those of scaled units.
+    pub fn new(config: &Config, rule: &Defaults, scaling: &Scaling) -> Result<Self, Error> {
+        let (unit, unit_y) = scaling.mean_squares();
+        let rho = config.rho.unwrap_or(rule.rho);
+        let alike: Vec<f64> = scaling.s_y.iter().map(|s| s / unit_y.sqrt()).collect();
+        match (&config.certificate, config.weighting()) {
+            (Some(c), _) => Weights::certified(c, unit, scaling, alike)
                 .ok_or_else(|| Error::value("certificate", "positive definite P and R", "others")),
-            None => {
-                let mu = config.mu.map_or(rule.mu, |mu| mu * unit);
-                Ok(Weights::scalar(config.rho.unwrap_or(rule.rho), mu, n, p))
+            (None, Weighting::Scaled) => {
+                let mu = config.mu.unwrap_or(rule.mu);
+                let alike = vec![1.0; scaling.s_y.len()];
+                Ok(Weights::diagonal(
+                    rho,
+                    1.0,
+                    &vec![1.0; scaling.s_x.len()],
+                    &vec![mu.sqrt(); scaling.s_y.len()],
+                    alike,
+                ))
+            }
+            (None, _) => {
+                let mu = config.mu.unwrap_or(rule.mu * unit / unit_y);
+                let of = |s: &[f64], weight: f64| s.iter().map(|s| s * (weight / unit).sqrt()).collect::<Vec<_>>();
+                Ok(Weights::diagonal(rho, unit, &of(&scaling.s_x, 1.0), &of(&scaling.s_y, mu), alike))
             }
         }
     }
 
-    /// P = I, R = μI: (17) as printed.
-    fn scalar(rho: f64, mu: f64, n: usize, p: usize) -> Self {
-        let diagonal = |size: usize, value: f64| Mat::from_fn(size, size, |i, j| if i == j { value } else { 0.0 });
-        Weights { rho, prior: diagonal(n, 1.0), noise: diagonal(p, mu.sqrt()), R: diagonal(p, mu), plain: true }
+    /// From the roots of the diagonals of P and R.
+    fn diagonal(rho: f64, unit: f64, prior: &[f64], noise: &[f64], alike: Vec<f64>) -> Self {
+        let matrix =
+            |d: &[f64], power: i32| Mat::from_fn(d.len(), d.len(), |i, j| if i == j { d[i].powi(power) } else { 0.0 });
+        Weights { rho, unit, prior: matrix(prior, 1), noise: matrix(noise, 1), R: matrix(noise, 2), plain: true, alike }
     }
 
-    /// A certificate's P and R; `unit` is s_y² / s_x². None unless both are positive definite.
-    fn certified(certificate: &Certificate, unit: f64, n: usize, p: usize) -> Option<Self> {
-        let R = Mat::from_fn(p, p, |i, j| certificate.R[i * p + j] * unit);
-        let noise = factor(&certificate.R, p)? * faer::Scale(unit.sqrt());
-        Some(Weights { rho: certificate.eta, prior: factor(&certificate.P, n)?, noise, R, plain: false })
+    /// A certificate's P and R, in cost units of `unit`. None unless both are positive definite.
+    fn certified(certificate: &Certificate, unit: f64, scaling: &Scaling, alike: Vec<f64>) -> Option<Self> {
+        let scaled = |matrix: &[f64], s: &[f64]| -> Vec<f64> {
+            matrix.iter().enumerate().map(|(k, m)| m * s[k / s.len()] * s[k % s.len()] / unit).collect()
+        };
+        let (P, R) = (scaled(&certificate.P, &scaling.s_x), scaled(&certificate.R, &scaling.s_y));
+        let p = scaling.s_y.len();
+        Some(Weights {
+            rho: certificate.eta,
+            unit,
+            prior: factor(&P, scaling.s_x.len())?,
+            noise: factor(&R, p)?,
+            R: Mat::from_fn(p, p, |i, j| R[i * p + j]),
+            plain: false,
+            alike,
+        })
     }
 
     /// μ, or what comes nearest: the mean weight of an output channel.
     pub fn mu(&self) -> f64 {
         self.R.diagonal().column_vector().iter().sum::<f64>() / self.R.nrows() as f64
+    }
+
+    /// [`mu`](Self::mu) in the user's units.
+    pub fn mu_as_printed(&self, scaling: &Scaling) -> f64 {
+        let channel = |(i, s): (usize, &f64)| self.R[(i, i)] * self.unit / (s * s);
+        scaling.s_y.iter().enumerate().map(channel).sum::<f64>() / scaling.s_y.len() as f64
     }
 
     /// √ of the prior's weight in a window of depth m (n × n).
@@ -101,26 +138,33 @@ impl Weights {
         Cow::Owned(U)
     }
 
-    /// μ ρ^{j-1} of (17) times a unit for each entry of an output window, oldest first; None with a certificate's matrices.
-    pub fn scalar_noise(&self, depth: usize, unit: f64) -> Option<Vec<f64>> {
-        let p = self.R.nrows();
-        let weight = |row: usize| self.R[(0, 0)] * self.rho.powi((depth - 1 - row / p) as i32) * unit;
+    /// Weight of the square of each entry of a fitted noise in the user's units (m·p, oldest first) in the cost; None with a
+    /// certificate's matrices.
+    pub fn diagonal_noise(&self, depth: usize, s_y: &[f64]) -> Option<Vec<f64>> {
+        let p = s_y.len();
+        let weight = |row: usize| {
+            let i = row % p;
+            self.R[(i, i)] * self.rho.powi((depth - 1 - row / p) as i32) * self.unit / s_y[i].powi(2)
+        };
         self.plain.then(|| (0..depth * p).map(weight).collect())
     }
 
-    /// ‖moved‖²_P.
+    /// ‖moved‖²_P in scaled units.
     #[inline(always)]
     pub fn prior_size(&self, moved: &[f64]) -> f64 {
-        if self.plain { dot(moved, moved) } else { norm(&self.prior, moved).powi(2) }
+        if !self.plain {
+            return norm(&self.prior, moved).powi(2);
+        }
+        moved.iter().enumerate().map(|(i, moved)| (self.prior[(i, i)] * moved).powi(2)).sum()
     }
 
-    /// The second term of (17) for a certificate's R, of the fitted noise v (m·p, time-major, NaN where not measured), in units of
-    /// s_x²; `block` is room for p × p numbers.
-    pub fn noise_cost(&self, v: &[f64], block: &mut [f64]) -> f64 {
+    /// The second term of (17) in scaled units for a certificate's R, of the fitted noise v in the user's units (m·p, time-major,
+    /// NaN where not measured); `block` is room for p × p numbers.
+    pub fn noise_cost(&self, v: &[f64], s_y: &[f64], block: &mut [f64]) -> f64 {
         let p = self.R.nrows();
         v.chunks_exact(p).fold(0.0, |sum, v| {
             self.reduced(|i| v[i].is_finite(), block);
-            let known = |i: usize| if v[i].is_finite() { v[i] } else { 0.0 };
+            let known = |i: usize| if v[i].is_finite() { v[i] / s_y[i] } else { 0.0 };
             let row = |i: usize| (0..p).map(|j| block[i * p + j] * known(j)).sum::<f64>();
             self.rho * sum + (0..p).map(|i| known(i) * row(i)).sum::<f64>()
         })

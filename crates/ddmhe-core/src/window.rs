@@ -83,13 +83,13 @@ pub(crate) struct WindowProblem {
     center: Option<(Vec<f64>, Panels)>, // z_c = z_c0 + K_c y
     x_lo: Vec<f64>,
     x_hi: Vec<f64>,
-    prior_weight: f64,       // 2ρ^m of (17) in the user's units
-    noise_weight: f64,       // of what a certificate's R gives, in the user's units
-    noise: Option<Vec<f64>>, // or scalar weights on each output, in the user's units
-    s_y: f64,
-    per_unit: (f64, f64), // 1 / s_x, 1 / s_y
-    mean: Vec<f64>,       // of each state of the window, in the user's units
-    room: [Room; 2],      // of the state rows and of the noise, in the user's units
+    prior_weight: f64,       // 2ρ^m of (17), of a distance in scaled units
+    noise: Option<Vec<f64>>, // weights on the square of each v in the user's units, but for a certificate's R
+    s_y: Vec<f64>,           // of each output of the window
+    per_s_x: Vec<f64>,       // 1 / s_x
+    per_s_y: Vec<f64>,       // 1 / s_y of each output of the window
+    mean: Vec<f64>,          // of each state of the window, in the user's units
+    room: [Room; 2],         // of the state rows and of the noise, in the user's units
 }
 
 /// The largest and the smallest unit of a group of rows: what a distance to their bounds is at least worth in units.
@@ -124,14 +124,11 @@ impl WindowProblem {
         measured: Option<&[bool]>,
     ) -> Result<Self, SvdError> {
         let Shape { n, p, depth } = shape;
-        let (s_x, s_y) = (scaling.s_x, scaling.s_y);
+        let (s_x, s_y) = (&scaling.s_x, &scaling.s_y);
         let Reduced { K, A, K_c, unseen } = reduce(shape, &space, weights, centered, measured)?;
         let (x, y): (Vec<usize>, Vec<usize>) = (shape.states().collect(), shape.outputs().collect());
 
-        // mean window as deviations from the channel means
-        let c_x = |i: usize| space.mean[x[i]] - scaling.mean_x[i % n] / s_x;
-        let c_y = |i: usize| space.mean[y[i]] - scaling.mean_y[i % p] / s_y;
-        let c: Vec<f64> = (0..n).map(c_x).chain((0..y.len()).map(c_y)).collect();
+        let c: Vec<f64> = shape.seen().map(|row| space.mean[row]).collect();
         let start = |K: MatRef<'_, f64>, c: &[f64]| {
             let mut z = vec![0.0; padded(K.nrows())];
             (0..K.nrows()).for_each(|i| z[i] = -c.iter().enumerate().map(|(j, c)| K[(i, j)] * c).sum::<f64>());
@@ -145,12 +142,12 @@ impl WindowProblem {
         let (mut offset, mut unit) = (vec![0.0; len], vec![0.0; len]);
         let moves = moving(&space);
         for i in 0..x.len() {
-            (0..r).filter(|_| moves[x[i]]).for_each(|j| rows[(i, j)] = A[(x[i], j)] * s_x);
-            (offset[i], unit[i]) = (c_x(i) * s_x, scaling.unit_x[i % n]);
+            (0..r).filter(|_| moves[x[i]]).for_each(|j| rows[(i, j)] = A[(x[i], j)] * s_x[i % n]);
+            (offset[i], unit[i]) = (space.mean[x[i]] * s_x[i % n], scaling.unit_x[i % n]);
         }
         for i in 0..y.len() {
             (0..r).filter(|_| moves[y[i]]).for_each(|j| rows[(first + i, j)] = A[(y[i], j)]);
-            (offset[first + i], unit[first + i]) = (c_y(i), scaling.unit_y[i % p] / s_y);
+            (offset[first + i], unit[first + i]) = (space.mean[y[i]], scaling.unit_y[i % p] / s_y[i % p]);
         }
         let unbounded =
             |value: f64| (0..first).map(|i| if i < x.len() && x_bounds.is_some() { 0.0 } else { value }).collect();
@@ -167,11 +164,11 @@ impl WindowProblem {
             rows: Rows::new(rows.as_ref(), offset, unit),
             x_lo: unbounded(f64::NEG_INFINITY),
             x_hi: unbounded(f64::INFINITY),
-            prior_weight: 2.0 * weights.rho.powi(depth as i32) * s_x * s_x,
-            noise_weight: (s_x / s_y).powi(2),
-            noise: weights.scalar_noise(depth, (s_x / s_y).powi(2)),
-            s_y,
-            per_unit: (1.0 / s_x, 1.0 / s_y),
+            prior_weight: 2.0 * weights.rho.powi(depth as i32) * weights.unit,
+            noise: weights.diagonal_noise(depth, s_y),
+            s_y: s_y.repeat(depth),
+            per_s_x: s_x.iter().map(|s| 1.0 / s).collect(),
+            per_s_y: s_y.iter().map(|s| 1.0 / s).collect::<Vec<_>>().repeat(depth),
             mean: scaling.mean_x.repeat(depth + 1),
             room: [Room::new(&scaling.unit_x), Room::new(&scaling.unit_y)],
             shape,
@@ -335,7 +332,7 @@ impl WindowProblem {
     fn cost(&self, weights: &Weights, data: &Data<'_>, s: &mut Scratch<'_>, v: &[f64]) -> f64 {
         let n = data.prior.len();
         for i in 0..n {
-            s.moved[i] = s.window[i] * self.per_unit.0 - data.prior[i];
+            s.moved[i] = s.window[i] * self.per_s_x[i] - data.prior[i];
         }
         let prior = self.prior_weight * weights.prior_size(&s.moved[..n]);
         prior
@@ -346,15 +343,15 @@ impl WindowProblem {
                     weighted_square(scalar, known)
                 }
                 Some(scalar) => weighted_square(scalar, v),
-                None => self.noise_weight * weights.noise_cost(v, &mut s.block[..self.shape.p * self.shape.p]),
+                None => weights.unit * weights.noise_cost(v, &self.s_y, &mut s.block[..self.shape.p * self.shape.p]),
             }
     }
 
     /// v = y - ŷ (m·p) in the user's units; NaN where not measured.
     #[inline(always)]
     fn residual(&self, outputs: &[f64], window: &[f64], v: &mut [f64]) {
-        for ((v, y), w) in v.iter_mut().zip(outputs).zip(&window[self.split()..]) {
-            *v = (y - w) * self.s_y;
+        for (((v, y), w), s) in v.iter_mut().zip(outputs).zip(&window[self.split()..]).zip(&self.s_y) {
+            *v = (y - w) * s;
         }
     }
 
@@ -388,11 +385,10 @@ impl WindowProblem {
         lo[used..].fill(f64::NEG_INFINITY);
         hi[used..].fill(f64::INFINITY);
         let Some(v) = &limits.v else { return };
-        let scale = self.per_unit.1;
-        for ((lo, y), v) in lo.iter_mut().zip(data.outputs).zip(&v.hi) {
+        for (((lo, y), v), scale) in lo.iter_mut().zip(data.outputs).zip(&v.hi).zip(&self.per_s_y) {
             *lo = y - v * scale;
         }
-        for ((hi, y), v) in hi.iter_mut().zip(data.outputs).zip(&v.lo) {
+        for (((hi, y), v), scale) in hi.iter_mut().zip(data.outputs).zip(&v.lo).zip(&self.per_s_y) {
             *hi = y - v * scale;
         }
         if data.missing {

@@ -1,6 +1,6 @@
 //! `ddmhe.History`.
 
-use crate::convert::{Numbers, ShapeError, array1, array2, number, raise, whole_from};
+use crate::convert::{DdmheError, Numbers, ShapeError, array1, array2, number, raise, whole_from};
 use crate::pickle::{Made, bytes, made};
 use ddmhe_core::snapshot::{Kind, from_bytes, to_bytes};
 use numpy::{PyArray1, PyArray2};
@@ -17,6 +17,9 @@ use pyo3::types::{PyBytes, PyType};
 ///     Recorded outputs; x[k] and y[k] were taken together, x has one more sample.
 /// dt : float
 ///     Sampling interval in seconds. Kept for reports: the method itself needs no unit of time.
+/// x_units, y_units : str or list of str, optional
+///     Units of the states and of the outputs: one for all, or one a channel. Channels of one unit share a scale in the default rule;
+///     a channel whose unit is unknown (None or "") has its own, and rescaling it changes nothing.
 ///
 /// Raises
 /// ------
@@ -33,12 +36,23 @@ type Signals<'py> = (Bound<'py, PyArray2<f64>>, Bound<'py, PyArray2<f64>>);
 #[pymethods]
 impl History {
     #[new]
-    #[pyo3(signature = (x, y, dt=None), text_signature = "(x, y, dt=1.0)")]
-    fn new(x: &Bound<'_, PyAny>, y: &Bound<'_, PyAny>, dt: Option<&Bound<'_, PyAny>>) -> PyResult<Self> {
+    #[pyo3(
+        signature = (x, y, dt=None, *, x_units=None, y_units=None),
+        text_signature = "(x, y, dt=1.0, *, x_units=None, y_units=None)"
+    )]
+    fn new(
+        x: &Bound<'_, PyAny>,
+        y: &Bound<'_, PyAny>,
+        dt: Option<&Bound<'_, PyAny>>,
+        x_units: Option<&Bound<'_, PyAny>>,
+        y_units: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<Self> {
         let dt = dt.map_or(Ok(1.0), |dt| number("dt", dt))?;
         let (x, _, n) = Numbers::matrix("x", x, "(T+1, n)")?;
         let (y, _, p) = Numbers::matrix("y", y, "(T, p)")?;
-        Ok(History { core: ddmhe_core::History::new(n, p, &x, &y, dt).map_err(raise)? })
+        let (x_units, y_units) = (units("x_units", x_units)?, units("y_units", y_units)?);
+        let core = ddmhe_core::History::new(n, p, &x, &y, dt).map_err(raise)?;
+        Ok(History { core: core.with_units(&x_units, &y_units).map_err(raise)? })
     }
 
     /// Join several recordings of one system; no window ever crosses a seam.
@@ -92,6 +106,18 @@ impl History {
         self.core.p()
     }
 
+    /// Units of the states, one a channel; "" where unknown.
+    #[getter]
+    fn x_units(&self) -> Vec<String> {
+        self.core.x_units().to_vec()
+    }
+
+    /// Units of the outputs, one a channel; "" where unknown.
+    #[getter]
+    fn y_units(&self) -> Vec<String> {
+        self.core.y_units().to_vec()
+    }
+
     /// Number of output samples, over all recordings.
     #[getter]
     #[allow(non_snake_case)]
@@ -124,6 +150,18 @@ impl History {
         let joined = if k > 1 { format!(", {k} recordings") } else { String::new() };
         format!("History(n={n}, p={p}, T={T}, dt={dt}{joined})")
     }
+}
+
+/// Names of units: None for unknown ones, one string for all channels, or one (or None) a channel.
+fn units(argument: &str, value: Option<&Bound<'_, PyAny>>) -> PyResult<Vec<String>> {
+    let Some(value) = value else { return Ok(vec![String::new()]) };
+    if let Ok(one) = value.extract::<String>() {
+        return Ok(vec![one]);
+    }
+    value.extract::<Vec<Option<String>>>().map_or_else(
+        |_| Err(DdmheError::new_err(format!("{argument}: expected a string or a list of strings, found {value}"))),
+        |names| Ok(names.into_iter().map(Option::unwrap_or_default).collect()),
+    )
 }
 
 /// Outcome of the rank condition (7): rank [H_1(x[0..T-L]); 1ᵀ] = n + 1.

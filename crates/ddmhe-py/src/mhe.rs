@@ -9,7 +9,7 @@ use crate::history::History;
 use crate::pickle::{Made, bytes, made};
 use crate::spaces;
 use ddmhe_core::snapshot::{Kind, from_bytes, to_bytes};
-use ddmhe_core::{Bounds, Center, Config, Space};
+use ddmhe_core::{Bounds, Center, Config, Space, Weighting};
 use numpy::{Ix1, Ix2, PyArray1, PyArray2, PyArrayMethods, PyUntypedArrayMethods};
 use pyo3::PyTypeInfo;
 use pyo3::prelude::*;
@@ -30,7 +30,7 @@ use std::sync::MutexGuard;
 /// rho : float in (0, 1), optional
 ///     Discount per sample.
 /// mu : float > 0, optional
-///     Weight on the fitted noise, as in (17): unit (unit of x / unit of y)**2.
+///     Weight on the fitted noise, as in (17): unit (unit of x / unit of y)**2, or none with weights="scaled".
 /// x_prior : array (n,), optional
 ///     Prior state at t = 0; default the last recorded state.
 /// x_bounds : (lo, hi), optional
@@ -52,6 +52,10 @@ use std::sync::MutexGuard;
 /// disturbance : (initial, w, v), optional
 ///     With a certificate: bounds on the Euclidean norms of the initial error, of every w(t) and of every v(t). Each
 ///     estimate then carries a bound on its error.
+/// weights : "auto" | "paper" | "scaled"
+///     What rho and mu are meant in. "paper": (17) in the units of x and y, as printed. "scaled": every channel in units of its own
+///     scale (channels of one unit share theirs), so that mu has no unit. "auto": "paper" beside an explicit rho or mu or a
+///     certificate, else "scaled".
 ///
 /// Raises
 /// ------
@@ -76,8 +80,8 @@ impl DdMhe {
 impl DdMhe {
     #[new]
     #[pyo3(
-        signature = (history, horizon=None, rho=None, mu=None, x_prior=None, x_bounds=None, x_center=None, v_bounds=None, equilibrium=None, warm_start=None, space=None, certificate=None, disturbance=None),
-        text_signature = "(history, horizon=None, rho=None, mu=None, x_prior=None, x_bounds=None, x_center=None, v_bounds=None, equilibrium=None, warm_start=False, space='auto', certificate=None, disturbance=None)"
+        signature = (history, horizon=None, rho=None, mu=None, x_prior=None, x_bounds=None, x_center=None, v_bounds=None, equilibrium=None, warm_start=None, space=None, certificate=None, disturbance=None, *, weights=None),
+        text_signature = "(history, horizon=None, rho=None, mu=None, x_prior=None, x_bounds=None, x_center=None, v_bounds=None, equilibrium=None, warm_start=False, space='auto', certificate=None, disturbance=None, *, weights='auto')"
     )]
     #[allow(clippy::too_many_arguments)]
     fn new(
@@ -95,6 +99,7 @@ impl DdMhe {
         space: Option<&Bound<'_, PyAny>>,
         certificate: Option<&Bound<'_, PyAny>>,
         disturbance: Option<&Bound<'_, PyAny>>,
+        weights: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Self> {
         let history = cast_history("history", history)?;
         let (n, p) = (history.core.n(), history.core.p());
@@ -111,6 +116,7 @@ impl DdMhe {
             space: space.map_or(Ok(Space::Auto), spaces::space)?,
             certificate: certificate.map(|c| certificate::certificate(c, n, p)).transpose()?,
             disturbance: disturbance.map(certificate::disturbance).transpose()?,
+            weights: weights.map_or(Ok(Weighting::Auto), weighting)?,
         };
         let core = py.detach(|| ddmhe_core::DdMhe::new(&history.core, config)).map_err(raise)?;
         Ok(DdMhe::of(core))
@@ -251,10 +257,19 @@ impl DdMhe {
         Ok(self.core()?.settings().rho)
     }
 
-    /// Noise weight in force, in the units of (17).
+    /// Noise weight in force: of (17) in the units of x and y where weights is "paper", without a unit where it is "scaled".
     #[getter]
     fn mu(&self) -> PyResult<f64> {
         Ok(self.core()?.settings().mu)
+    }
+
+    /// What rho and mu are meant in: "paper" or "scaled".
+    #[getter]
+    fn weights(&self) -> PyResult<&'static str> {
+        Ok(match self.core()?.settings().weights {
+            Weighting::Scaled => "scaled",
+            Weighting::Auto | Weighting::Paper => "paper",
+        })
     }
 
     /// The trajectory space that was asked for.
@@ -269,7 +284,7 @@ impl DdMhe {
         Ok(self.core()?.settings().rank)
     }
 
-    /// Weight on the normalised ||a||**2 = N ||alpha||**2 - 1, in units of the states' variance; 0 for none.
+    /// Weight on the normalised ||a||**2 = N ||alpha||**2 - 1, in units of the cost; 0 for none.
     #[getter]
     fn ridge(&self) -> PyResult<f64> {
         Ok(self.core()?.settings().lambda)
@@ -320,6 +335,19 @@ fn center(value: &Bound<'_, PyAny>) -> PyResult<Center> {
         return Ok(Center::History);
     }
     Err(DdmheError::new_err(format!("x_center: expected None or \"history\", found {}", shown(value))))
+}
+
+/// What `weights` names.
+pub fn weighting(value: &Bound<'_, PyAny>) -> PyResult<Weighting> {
+    match value.extract::<String>().as_deref() {
+        Ok("auto") => Ok(Weighting::Auto),
+        Ok("paper") => Ok(Weighting::Paper),
+        Ok("scaled") => Ok(Weighting::Scaled),
+        _ => Err(DdmheError::new_err(format!(
+            "weights: expected \"auto\", \"paper\" or \"scaled\", found {}",
+            value.repr()?
+        ))),
+    }
 }
 
 pub fn rest(value: &Bound<'_, PyAny>, n: usize, p: usize) -> PyResult<(Vec<f64>, Vec<f64>)> {

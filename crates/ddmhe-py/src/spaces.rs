@@ -73,7 +73,7 @@ impl Truncated {
 /// ----------
 /// weight : float > 0
 /// normalised : bool
-///     True: the weight is on ||a||**2 = N ||alpha||**2 - 1, in units of the states' variance: what DdMhe.ridge shows, and the
+///     True: the weight is on ||a||**2 = N ||alpha||**2 - 1, in units of the cost: what DdMhe.ridge shows, and the
 ///     same for every length of recording, horizon and unit.
 #[pyclass(module = "ddmhe", frozen, eq, name = "Ridge")]
 #[derive(PartialEq)]

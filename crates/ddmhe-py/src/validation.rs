@@ -1,21 +1,23 @@
 //! `ddmhe._core.validate`: settings tried on parts of a recording, for `ddmhe.tune`.
 
 use crate::convert::{DdmheError, Numbers, flag, number, raise, whole};
-use crate::mhe::{cast_history, rest};
+use crate::mhe::{cast_history, rest, weighting};
 use crate::spaces;
 use ddmhe_core::Config;
 use ddmhe_core::validation::{self, Fold, Score};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
-/// History, prior (n,), outputs (N, p), true states (N, n), and the number of estimates that each error covers.
-type Held<'py> = (Bound<'py, PyAny>, Bound<'py, PyAny>, Bound<'py, PyAny>, Bound<'py, PyAny>, Vec<usize>);
+/// History, prior (n,), outputs (N, p), true states (N, n), the number of estimates that each error covers, and
+/// what errors are relative to (n,).
+type Held<'py> =
+    (Bound<'py, PyAny>, Bound<'py, PyAny>, Bound<'py, PyAny>, Bound<'py, PyAny>, Vec<usize>, Bound<'py, PyAny>);
 
-/// Scores (mean squared error of each span, spectral radius) of jobs (fold, settings), on all cores.
+/// Scores (mean squared relative error of each span, spectral radius) of jobs (fold, settings), on all cores.
 ///
-/// A fold is (history, x_prior, outputs, truth, spans).
+/// A fold is (history, x_prior, outputs, truth, spans, spread).
 ///
-/// Settings are keywords of DdMhe: horizon, rho, mu, space, equilibrium, warm_start. A setting that cannot be used scores inf.
+/// Settings are keywords of DdMhe: horizon, rho, mu, weights, space, equilibrium, warm_start. A setting that cannot be used scores inf.
 #[pyfunction]
 pub fn validate(
     py: Python<'_>,
@@ -30,12 +32,13 @@ pub fn validate(
     Ok(scores.into_iter().map(|Score { errors, spectral_radius }| (errors, spectral_radius)).collect())
 }
 
-fn fold((h, x, y, truth, spans): Held<'_>) -> PyResult<Fold> {
+fn fold((h, x, y, truth, spans, spread): Held<'_>) -> PyResult<Fold> {
     let history = cast_history("folds", &h)?.core.clone();
     let x_prior = Numbers::vector("folds", &x, history.n())?;
     let (outputs, ..) = Numbers::measured("folds", &y)?.into_matrix("folds", "(N, p)")?;
     let (truth, ..) = Numbers::measured("folds", &truth)?.into_matrix("folds", "(N, n)")?;
-    Ok(Fold { history, x_prior, outputs, truth, spans })
+    let spread = Numbers::vector("folds", &spread, history.n())?;
+    Ok(Fold { history, x_prior, outputs, truth, spans, spread })
 }
 
 fn config(given: &Bound<'_, PyDict>, n: usize, p: usize) -> PyResult<Config> {
@@ -49,6 +52,7 @@ fn config(given: &Bound<'_, PyDict>, n: usize, p: usize) -> PyResult<Config> {
             "rho" => config.rho = Some(number("rho", &value)?),
             "mu" => config.mu = Some(number("mu", &value)?),
             "equilibrium" => config.equilibrium = Some(rest(&value, n, p)?),
+            "weights" => config.weights = weighting(&value)?,
             "warm_start" => config.warm_start = flag("warm_start", &value)?,
             "space" => config.space = spaces::space(&value)?,
             other => return Err(DdmheError::new_err(format!("jobs: expected a setting of DdMhe, found {other}"))),

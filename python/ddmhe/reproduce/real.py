@@ -79,7 +79,7 @@ def estimators(history: History) -> Mapping[str, Callable[[], Any]]:
 
 
 def pendulum_scores(paths: list[Path], advance: Callable[[], None]) -> pd.DataFrame:
-    """NRMSE, one row per log and one column per estimator; infinite where one diverges."""
+    """Pooled NRMSE, one row per log and one column per estimator; infinite where one diverges."""
     rows = in_parallel(_scores, paths, advance)
     return pd.DataFrame(rows, index=pd.Index([path.stem for path in paths], name="log"))
 
@@ -90,6 +90,6 @@ def _scores(path: Path) -> dict[str, float]:
     scores = {}
     for name, x_hat in found.items():
         with np.errstate(over="ignore", invalid="ignore"):
-            score = report.nrmse(x_hat, task.x)
+            score = report.pooled_nrmse(x_hat, task.x)
         scores[name] = score if np.isfinite(score) else np.inf
     return scores
