@@ -16,7 +16,12 @@
 //! With f at rounding level the weight is zero and the space exact. n + 1 samples are fitted by some affine model whatever they
 //! are: without degrees of freedom f counts as 1. Should the map from prior to estimate come out
 //! unstable (spectral radius above [`tol::SPECTRAL_RADIUS`](crate::tol::SPECTRAL_RADIUS)), the weight is raised tenfold
-//! until it is not. `make study-defaults` measures the rule against the best settings in hindsight.
+//! until it is not.
+//!
+//! A large f says that x(k) alone does not tell x(k+1), but not why. Hidden parts of the state ask for long windows, noise that drives the
+//! state for short ones and a weak prior. Above f = 0.1 the recording decides: see [`challenge`](crate::challenge).
+//!
+//! `make study-defaults` measures the rule against the best settings in hindsight.
 
 use crate::config::Config;
 use crate::error::Error;
@@ -37,6 +42,9 @@ const RHO: f64 = 0.95;
 const HORIZON: (usize, f64) = (20, 0.6);
 /// Longest default horizon: construction grows with its third power.
 const LONGEST: usize = 100;
+/// A misfit above this may be hidden parts of the state or noise that drives it: others may then do better than the rule. Below it the
+/// motion is known, and what counts is how far it leaves the recording, of which the recording says nothing.
+const HIDDEN: f64 = 0.1;
 /// A misfit below this is rounding (a relative error of 1e-12).
 const EXACT: f64 = 1e-24;
 /// Relative noise above which a recording counts as noisy.
@@ -48,7 +56,10 @@ pub(crate) struct Defaults {
     pub horizon: usize,
     pub rho: f64,
     pub mu: f64,
-    misfit: f64,
+    /// λ / μ; 0 for an exact space.
+    pub ratio: f64,
+    /// Short and long horizon of the settings that may take the rule's place (see [`challenge`](crate::challenge)), if any may.
+    pub challengers: Option<(usize, usize)>,
     /// Whether the recording itself carries noise: decides if a known equilibrium helps.
     pub noisy: bool,
 }
@@ -71,7 +82,17 @@ impl Defaults {
         let hidden = longest(enough.max(1)).min(LONGEST) as f64;
         let complete = HORIZON.0 as f64;
         let horizon = (complete + misfit * (hidden - complete)).round().max(1.0) as usize;
-        Defaults { horizon: horizon.min(longest(2 * history.n() + 1)), rho: RHO, mu: MU, misfit, noisy }
+        let most = longest(2 * history.n() + 1);
+        let long = (hidden as usize).min(most);
+        let short = HORIZON.0.min((history.T() / 10).max(5)).min(long);
+        Defaults {
+            horizon: horizon.min(most),
+            rho: RHO,
+            mu: MU,
+            ratio: if misfit < EXACT { 0.0 } else { (WEIGHT * misfit).max(FLOOR) },
+            challengers: (misfit > HIDDEN).then_some((short, long)),
+            noisy,
+        }
     }
 
     /// The horizon asked for, or the rule's; with a certificate at least as long as its contraction 4η^M < 1 asks.
@@ -91,11 +112,7 @@ impl Defaults {
 
     /// The space `auto` for the noise weight `mu` in force.
     pub fn selection(&self, mu: f64) -> Selection {
-        let penalty = if self.misfit < EXACT {
-            Penalty::None
-        } else {
-            Penalty::Normalised((WEIGHT * self.misfit).max(FLOOR) * mu)
-        };
+        let penalty = if self.ratio > 0.0 { Penalty::Normalised(self.ratio * mu) } else { Penalty::None };
         Selection { rank: None, tol: None, penalty }
     }
 }

@@ -1,5 +1,6 @@
 //! What an estimator computes at construction: settings, weights and the problems of all depths.
 
+use crate::challenge::challenge;
 use crate::config::{Bounds, Center, Config, Settings, Weighting, validate};
 use crate::defaults::Defaults;
 use crate::error::Error;
@@ -33,6 +34,12 @@ impl Design {
         let scaling = Scaling::new(history)?;
         let rest = config.equilibrium.as_ref().map(|(x, y)| (&x[..], &y[..]));
         let rule = Defaults::new(history, &scaling, rest);
+        Design::by(history, config, scaling, rule)
+    }
+
+    /// With these scales and this rule for what the configuration leaves open.
+    fn by(history: &History, config: &Config, scaling: Scaling, rule: Defaults) -> Result<Self, Error> {
+        let rest = config.equilibrium.as_ref().map(|(x, y)| (&x[..], &y[..]));
         let weights = Weights::new(config, &rule, &scaling)?;
         let horizon = rule.horizon_for(config)?;
         check_excitation(history, horizon)?;
@@ -57,6 +64,15 @@ impl Design {
             radius = spectral_radius(&deepest);
         }
         let weighting = config.weighting();
+        let open =
+            config.horizon.is_none() && config.rho.is_none() && config.mu.is_none() && config.space == Space::Auto;
+        if open
+            && weighting == Weighting::Scaled
+            && !equilibrium_used
+            && let Some((scaling, rule)) = challenge(history, &scaling, &rule, deepest.space.lambda)
+        {
+            return Design::by(history, config, scaling, rule);
+        }
         let settings = Settings {
             horizon,
             rho: weights.rho,

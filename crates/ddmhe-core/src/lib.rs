@@ -54,6 +54,7 @@
 
 mod active_set;
 mod certificate;
+mod challenge;
 mod config;
 pub mod defaults;
 mod design;
