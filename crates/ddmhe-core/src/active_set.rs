@@ -281,7 +281,9 @@ impl<'a> Work<'a> {
         self.upper[k * s..k * s + k].copy_from_slice(&self.d[..k]);
         self.upper[k * s + k] = length.sqrt();
         let inverse = 1.0 / length.sqrt();
-        self.q[k * s..(k + 1) * s].iter_mut().zip(&*self.rest).for_each(|(q, z)| *q = z * inverse);
+        for (q, z) in self.q[k * s..(k + 1) * s].iter_mut().zip(&*self.rest) {
+            *q = z * inverse;
+        }
     }
 
     /// `back` = R⁻¹ d for k columns.
@@ -472,7 +474,9 @@ impl<W: Windows> Problem<'_, W> {
             if blocking == usize::MAX {
                 return Some(Outcome::Uncertain); // a step that is not a number
             }
-            work.u[..k].iter_mut().zip(&*work.back).for_each(|(u, v)| *u = (*u - step * v).max(0.0));
+            for (u, v) in work.u[..k].iter_mut().zip(&*work.back) {
+                *u = (*u - step * v).max(0.0);
+            }
             if !dependent {
                 axpy(step, &work.rest[..work.stride], work.t);
             }
@@ -534,7 +538,9 @@ impl<W: Windows> Problem<'_, W> {
     /// The outward unit normal of a side, in the coordinates of t.
     #[inline(always)]
     fn normal(&self, side: Side, work: &mut Work<'_>) {
-        work.n.iter_mut().zip(self.rows.normal(side.row)).for_each(|(n, a)| *n = side.sign * a);
+        for (n, a) in work.n.iter_mut().zip(self.rows.normal(side.row)) {
+            *n = side.sign * a;
+        }
         if let Some(L) = self.metric {
             solve_lower(L, &mut work.n[..self.rows.r], work.stride);
         }
@@ -564,7 +570,9 @@ impl<W: Windows> Problem<'_, W> {
 
     #[inline(always)]
     fn missing(&self, sides: &[Side], work: &mut Work<'_>) {
-        sides.iter().zip(&mut *work.b).for_each(|(&side, b)| *b = self.missing_to(side));
+        for (&side, b) in sides.iter().zip(&mut *work.b) {
+            *b = self.missing_to(side);
+        }
     }
 
     /// z = z* + t (L⁻ᵀt) and its window.

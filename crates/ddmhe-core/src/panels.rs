@@ -111,7 +111,9 @@ pub(crate) fn dot(a: &[f64], b: &[f64]) -> f64 {
 /// y += a x.
 #[inline(always)]
 pub(crate) fn axpy(a: f64, x: &[f64], y: &mut [f64]) {
-    y.iter_mut().zip(x).for_each(|(y, x)| *y += a * x);
+    for (y, x) in y.iter_mut().zip(x) {
+        *y += a * x;
+    }
 }
 
 /// The smallest distance of a value to its bounds, negative outside of them; infinite if there is none. NaN values (not measured)
@@ -151,10 +153,13 @@ pub(crate) fn weighted_square(weights: &[f64], v: &[f64]) -> f64 {
     halve(sums, |a, b| a + b)
 }
 
+// Here and in `axpy` a loop, not `for_each`, which may be compiled on its own, without the vector units.
 #[inline(always)]
 pub(crate) fn each(a: [f64; WIDTH], b: [f64; WIDTH], f: impl Fn(f64, f64) -> f64) -> [f64; WIDTH] {
     let mut out = a;
-    out.iter_mut().zip(b).for_each(|(a, b)| *a = f(*a, b));
+    for (a, b) in out.iter_mut().zip(b) {
+        *a = f(*a, b);
+    }
     out
 }
 
