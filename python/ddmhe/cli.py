@@ -6,7 +6,7 @@ import io
 import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import TYPE_CHECKING, Any, NoReturn
 
 import click
 import numpy as np
@@ -23,6 +23,9 @@ from ddmhe.files import write as write_file
 from ddmhe.files import write_text
 from ddmhe.logs import Log, Split, read_log
 from ddmhe.oddities import far_out, turn
+
+if TYPE_CHECKING:
+    from ddmhe.tuning import Tuning
 
 Array = NDArray[np.float64]
 
@@ -296,6 +299,7 @@ def tune(log: Path, out: Path, output_noise: float | None, rest: bool, **given: 
     console = Console()
     console.print(report.scores(f"Settings for {log.name}, the ten best of {len(found.table)}", found.table.head(10)))
     console.print(found.words, markup=False, highlight=False)
+    _print_warnings(console, "", found)
     _print_written(console, written)
 
 
@@ -521,7 +525,7 @@ def _write(csv: Path | None, figure: Path | None, log: Log, split: Split, x_hat:
     return [path for path in (csv, figure) if path is not None]
 
 
-def _print_warnings(console: Console, prefix: str, est: DdMhe) -> None:
+def _print_warnings(console: Console, prefix: str, est: DdMhe | Tuning) -> None:
     for warning in est.warnings:
         console.print(f"warning: {prefix}{warning}", style="yellow", markup=False, soft_wrap=True)
 

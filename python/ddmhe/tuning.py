@@ -21,7 +21,7 @@ from __future__ import annotations
 
 import math
 import sys
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import product
 from typing import Any
 
@@ -89,6 +89,8 @@ class Tuning:
     """How far the choice can be trusted."""
     candidates: list[dict[str, Any]]
     """Keywords of DdMhe of each row of the table."""
+    warnings: list[str] = field(default_factory=list)
+    """What an estimator with these settings says of them and of the recording."""
 
     @property
     def horizon(self) -> int:
@@ -415,7 +417,9 @@ def _tuning(history: History, ranked: list[_Candidate], warm: bool, default: _Ca
     settings |= {"space": est.space, "warm_start": warm}
     if best.equilibrium:
         settings["equilibrium"] = best.given["equilibrium"]
-    return Tuning(settings, best.score, _table(ranked), _words(ranked, default), [c.given for c in ranked])
+    return Tuning(
+        settings, best.score, _table(ranked), _words(ranked, default), [c.given for c in ranked], est.warnings
+    )
 
 
 def _table(ranked: list[_Candidate]) -> pd.DataFrame:

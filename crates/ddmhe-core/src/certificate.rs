@@ -147,7 +147,7 @@ pub fn minimum_horizon(rho: f64) -> Result<usize, Error> {
 }
 
 /// [`minimum_horizon`] of a checked ρ. Rounding of the logarithm is mended by looking at both neighbours.
-fn smallest_contracting(rho: f64) -> usize {
+pub(crate) fn smallest_contracting(rho: f64) -> usize {
     let contracts = |M: usize| 4.0 * rho.powf(M as f64) < 1.0;
     let mut M = (0.25_f64.ln() / rho.ln()).floor().max(1.0) as usize;
     while M > 1 && contracts(M - 1) {

@@ -10,7 +10,7 @@
 //! | weight | λ = max(0.03 f, 1e-7) μ; 0 when f is rounding | in the coordinates a (see [`space`]) a window is a draw of zero mean and unit variance, and its outputs deviate by a share f of their variance: λ/μ grows like f. The factor and the floor (a curved system leaves the recorded region) are measured |
 //! | rank | all directions above rounding | the weight fades out what the noise has filled; a cut at a rank made 3-DOF estimates diverge on noisy recordings |
 //! | μ | 0.1 in scaled units, 0.1 s_x²/s_y² in those of (17) | measured; 0.1 to 1 do |
-//! | ρ | 0.95 | anything from 0.9 to 0.97 does |
+//! | ρ | 0.95 | anything from 0.9 to 0.97 does; 4ρ^M < 1 as in (33) is not aimed at: the rule seeks accuracy, a certificate contraction |
 //! | M | 20 + f (M₁ - 20), M₁ the longest horizon with 0.4 T windows left (0.6 T in one recording), at most 100 | a complete state needs a few samples; hidden parts must be read off the outputs' past |
 //!
 //! With f at rounding level the weight is zero and the space exact. n + 1 samples are fitted by some affine model whatever they
@@ -49,6 +49,12 @@ const HIDDEN: f64 = 0.1;
 const EXACT: f64 = 1e-24;
 /// Relative noise above which a recording counts as noisy.
 const NOISY: f64 = 1e-6;
+
+/// Fewest samples of a noisy recording, for each of the n + 1 numbers that an affine model has per channel: with fewer, neither the
+/// misfit nor the weak directions mean much. Measured: below, errors on the logs at hand were the size of the motion or above.
+const SAMPLES: usize = 10;
+/// Fewest windows likewise: what 0.4 T leaves of that.
+const WINDOWS: usize = 4;
 
 /// What the rule says about one recording, in scaled units.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -108,6 +114,13 @@ impl Defaults {
             Some(M) => Ok(M),
             None => Ok(self.horizon.max(needed)),
         }
+    }
+
+    /// Fewest outputs that tell motion from noise in a recording of n states; None for one that is exactly linear. The horizon, given
+    /// or the shortest of the rule, costs windows.
+    pub fn needed(&self, n: usize, horizon: Option<usize>) -> Option<usize> {
+        let horizon = horizon.unwrap_or(HORIZON.0);
+        (self.misfit >= EXACT).then_some(((n + 1) * SAMPLES).max((n + 1) * WINDOWS + horizon - 1))
     }
 
     /// The space `auto` for the noise weight `mu` in force.

@@ -1,5 +1,6 @@
 //! What an estimator computes at construction: settings, weights and the problems of all depths.
 
+use crate::certificate::smallest_contracting;
 use crate::challenge::challenge;
 use crate::config::{Bounds, Center, Config, Settings, Weighting, validate};
 use crate::defaults::Defaults;
@@ -9,6 +10,7 @@ use crate::history::History;
 use crate::reduction::Shape;
 use crate::space::{Penalty, Scaling, Selection, Space, WindowStack};
 use crate::tol;
+use crate::watch::Watch;
 use crate::weights::Weights;
 use crate::window::{Limits, WindowProblem};
 
@@ -24,6 +26,7 @@ pub(crate) struct Design {
     pub rank: usize,                  // the highest of all depths
     pub spectral_radius: f64,
     pub warnings: Vec<String>,
+    pub watch: Watch,
     centered: bool,
 }
 
@@ -85,9 +88,13 @@ impl Design {
         let first = (filled(history, config, horizon) + 1).min(horizon);
         let mut problems = (first..horizon).map(|depth| problem(depth, &selection)).collect::<Result<Vec<_>, _>>()?;
         problems.push(deepest);
+        let (watch, mut words) = Watch::new(history);
+        words.extend(too_little(history, config, &rule, horizon));
+        words.extend(warnings(config, &settings, radius));
         Ok(Design {
             history: history.clone(),
-            warnings: warnings(config, &settings, radius),
+            warnings: words,
+            watch,
             limits: Limits {
                 x: config.x_bounds.clone(),
                 v: config.v_bounds.as_ref().map(|v| Bounds { lo: v.lo.repeat(horizon), hi: v.hi.repeat(horizon) }),
@@ -117,6 +124,20 @@ impl Design {
     }
 }
 
+/// That the recording is too short for its noise, with the length that would do.
+fn too_little(history: &History, config: &Config, rule: &Defaults, horizon: usize) -> Option<String> {
+    let (T, windows) = (history.T(), history.windows(horizon));
+    let needed = rule.needed(history.n(), config.horizon)?;
+    (T < needed).then(|| {
+        format!(
+            "the recording is too short to tell motion from noise: {T} outputs, {windows} windows of the horizon M = {horizon}, for n = \
+             {} states; {} outputs would do",
+            history.n(),
+            needed,
+        )
+    })
+}
+
 /// What a user should know about these settings, in words.
 fn warnings(config: &Config, settings: &Settings, spectral_radius: f64) -> Vec<String> {
     let mut warnings = Vec::new();
@@ -124,6 +145,17 @@ fn warnings(config: &Config, settings: &Settings, spectral_radius: f64) -> Vec<S
         warnings.push(format!(
             "the map from prior to estimate has spectral radius {spectral_radius:.4} (limit {}): estimation errors may grow; try another horizon, a larger mu or a smaller rank",
             tol::SPECTRAL_RADIUS
+        ));
+    }
+    let contraction = 4.0 * settings.rho.powf(settings.horizon as f64);
+    let asked_for = config.certificate.is_none() && (config.horizon.is_some() || config.rho.is_some());
+    if asked_for && contraction >= 1.0 {
+        warnings.push(format!(
+            "4 rho^M = {contraction:.4} with rho = {:.6}, M = {}, not below 1 as (33) asks for errors that are sure to shrink; M = {} would \
+             do",
+            settings.rho,
+            settings.horizon,
+            smallest_contracting(settings.rho)
         ));
     }
     if config.equilibrium.is_some() && !settings.equilibrium_used {

@@ -3,6 +3,7 @@
 use crate::error::Error;
 use crate::history::History;
 use crate::tol;
+use crate::watch::still_states;
 use faer::Mat;
 use serde::{Deserialize, Serialize};
 
@@ -106,13 +107,15 @@ pub(crate) fn check_excitation(history: &History, horizon: usize) -> Result<(), 
     }
     let report = history.rank(horizon)?;
     if !report.satisfied() {
+        let still: Vec<String> = still_states(history).map(|i| i.to_string()).collect();
+        let which = match still.is_empty() {
+            true => "some combination of the states never changes".to_string(),
+            false => format!("state {} (counted from 0) never changes", still.join(", ")),
+        };
         return Err(Error::rank(
             "history",
             format!("states that span rank n + 1 = {} with the ones row (7)", report.required),
-            format!(
-                "rank {}: some combination of the states never changes; record a richer motion or drop a state",
-                report.rank
-            ),
+            format!("rank {}: {which}; record a richer motion or drop a state", report.rank),
         ));
     }
     Ok(())

@@ -25,6 +25,7 @@
 //! [`Certificate`] replaces the scalar weights by matrices for which the error is known to shrink, and bounds it step by step.
 //! What the closed form does not solve, the dual method of `active_set` does, or else `way_out`, which checks what Clarabel proposes;
 //! no file but `qp` names that.
+//! `watch` looks at single channels: at rest in the recording, or an angle that jumps by a turn.
 //! [`defaults`] is the rule for settings that are not given; [`tol`] holds every tolerance with its reason.
 //!
 //! The second method of the crate puts a guaranteed interval around a state: [`interval`] (arithmetic that rounds outward),
@@ -76,6 +77,7 @@ pub mod space;
 mod surplus;
 pub mod tol;
 pub mod validation;
+mod watch;
 mod way_out;
 mod weights;
 mod window;

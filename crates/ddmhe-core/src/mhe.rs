@@ -12,6 +12,7 @@ use crate::error::Error;
 use crate::estimate::{Estimate, Log};
 use crate::history::{History, check_finite};
 use crate::memory::Memory;
+use crate::watch::Seen;
 use crate::window::Data;
 use std::sync::Arc;
 
@@ -22,6 +23,7 @@ pub struct DdMhe {
     bound: Option<ErrorBound>,
     memory: Memory, // y(t-M_t) … y(t-1) and x̂(t-M_t) … x̂(t)
     kept: Kept,     // active bounds of the last step
+    seen: Seen,     // what the outputs did that they never did in the recording
     t: usize,
     estimate: Estimate,
 }
@@ -34,6 +36,7 @@ impl Clone for DdMhe {
             bound: self.bound.clone(),
             memory: self.memory.clone(),
             kept: self.kept.clone(),
+            seen: self.seen.clone(),
             t: self.t,
             estimate: self.estimate.clone(),
         };
@@ -58,6 +61,7 @@ impl DdMhe {
             bound,
             memory: Memory::new(history.n(), history.p(), design.settings.horizon, design.rank),
             kept: Kept::default(),
+            seen: Seen::default(),
             t: 0,
             estimate: Estimate::default(),
             design: Arc::new(design),
@@ -160,9 +164,23 @@ impl DdMhe {
         self.design.spectral_radius
     }
 
-    /// What a user should know about these settings, in words.
-    pub fn warnings(&self) -> &[String] {
-        &self.design.warnings
+    /// What a user should know, in words: about the recording and the settings, and since when outputs do what they never did in
+    /// the recording (the list then grows).
+    pub fn warnings(&self) -> Vec<String> {
+        let online = self.design.watch.words(&self.seen, self.design.history.dt());
+        self.design.warnings.iter().cloned().chain(online).collect()
+    }
+
+    /// What the outputs did that they never did in the recording, for a snapshot.
+    pub(crate) fn seen(&self) -> &Seen {
+        &self.seen
+    }
+
+    /// Takes up saved notes on the outputs.
+    pub(crate) fn recall(&mut self, seen: Seen) -> Result<(), Error> {
+        self.design.watch.check(&seen)?;
+        self.seen = seen;
+        Ok(())
     }
 
     /// The latest estimate (empty before the first step).
@@ -231,6 +249,7 @@ impl DdMhe {
         let (n, p) = (history.n(), history.p());
         self.t = 0;
         self.estimate = Estimate::default();
+        self.seen = design.watch.start();
         self.kept.clear();
         self.reserve();
         let last = history.recordings() - 1;
@@ -312,6 +331,7 @@ impl DdMhe {
             self.bound.as_mut().map(|b| b.advance(window, |k| design.scaling.output(k, outputs[k]), &estimate.v, past));
         self.memory.push_state(design.scaling.deviations(&estimate.x, &[]));
         self.t += 1;
+        self.design.watch.note(&mut self.seen, y, self.t);
         Ok(&self.estimate)
     }
 }

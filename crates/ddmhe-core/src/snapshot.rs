@@ -24,6 +24,7 @@ use crate::error::Error;
 use crate::estimate::Estimate;
 use crate::history::History;
 use crate::mhe::DdMhe;
+use crate::watch::Seen;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
@@ -147,6 +148,7 @@ struct Snapshot {
     bounds: Vec<f64>,
     active: Vec<Side>,
     moves: bool,
+    seen: Seen,
     t: usize,
     estimate: Estimate,
 }
@@ -164,6 +166,7 @@ impl DdMhe {
             bounds: self.bounds().to_vec(),
             active: active.to_vec(),
             moves,
+            seen: self.seen().clone(),
             t: self.t(),
             estimate: self.estimate().clone(),
         };
@@ -184,6 +187,7 @@ impl DdMhe {
             (snapshot.active, snapshot.moves),
             (snapshot.t, snapshot.estimate),
         )?;
+        mhe.recall(snapshot.seen)?;
         Ok(mhe)
     }
 }

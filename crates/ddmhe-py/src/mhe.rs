@@ -308,10 +308,10 @@ impl DdMhe {
         Ok(self.core()?.spectral_radius())
     }
 
-    /// What to know about these settings, in words.
+    /// What to know about the recording and these settings, in words; grows when outputs do what they never did in the recording.
     #[getter]
     fn warnings(&self) -> PyResult<Vec<String>> {
-        Ok(self.core()?.warnings().to_vec())
+        Ok(self.core()?.warnings())
     }
 
     fn __repr__(&self) -> String {
