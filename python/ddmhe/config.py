@@ -93,6 +93,8 @@ def _plain(value: Any) -> Any:
     if hasattr(value, "eta"):
         parts = {name: getattr(value, name) for name in ("eta", "growth", "residual", *_MATRICES)}
         table = {k: _plain(v) for k, v in parts.items() if v is not None}
+        if value.identified:
+            table["identified"] = True
         if value.uncertainty is not None:
             u = value.uncertainty
             table["uncertainty"] = {"metric": _plain(u.metric), "w": u.w, "v": u.v}
@@ -201,13 +203,15 @@ def _certificate(path: str, table: dict[str, Any]) -> Certificate:
     """A certificate as `write_config` wrote it; DdMhe checks its matrices."""
     from ddmhe.design.certificate import Certificate, Uncertainty
 
-    known = {"eta", "growth", "residual", "uncertainty", *_MATRICES}
+    known = {"eta", "growth", "residual", "uncertainty", "identified", *_MATRICES}
     for name, value in table.items():
         if name not in known:
             raise ConfigError(f"{path}, certificate: expected one of {', '.join(sorted(known))}, found {name!r}")
         fits = isinstance(value, dict) if name == "uncertainty" else (_is_number(value) or _is_numbers(value))
+        fits = isinstance(value, bool) if name == "identified" else fits
         if not fits:
-            raise ConfigError(f"{path}, certificate: expected numbers for {name}, found {value!r}")
+            wanted = "true or false" if name == "identified" else "numbers"
+            raise ConfigError(f"{path}, certificate: expected {wanted} for {name}, found {value!r}")
     missing = [name for name in ("eta", "P", "Q", "R") if name not in table]
     if missing:
         raise ConfigError(f"{path}, certificate: expected eta, P, Q and R, found no {missing[0]}")
@@ -217,6 +221,6 @@ def _certificate(path: str, table: dict[str, Any]) -> Certificate:
         uncertainty = spread and Uncertainty(np.array(spread["metric"], dtype=np.float64), spread["w"], spread["v"])
     except (ValueError, KeyError, TypeError) as e:
         raise ConfigError(f"{path}, certificate: expected rectangular matrices, found others ({e})") from e
-    numbers: dict[str, Any] = {name: table[name] for name in ("eta", "growth") if name in table}
+    numbers: dict[str, Any] = {name: table[name] for name in ("eta", "growth", "identified") if name in table}
     # inf: never verified
     return Certificate(**arrays, **numbers, uncertainty=uncertainty, residual=table.get("residual", float("inf")))

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import ddmhe
+from ddmhe.config import read_config, write_config
 from ddmhe.design import Certificate, RecordingNoise, consistent_set, ioss, minimum_horizon, scalar_certificate
 from reference import random_system
 
@@ -353,6 +354,98 @@ def test_robust_bounds_hold_for_estimates_from_the_noisy_recording():
         assert c.error_bound(60, c.horizon, 0.01, 0.0, 0.01)[-1] > 0
 
 
+# --- where there is a bound, and where there is none
+
+
+def noisy_copy(rng, x, y, size):
+    return ddmhe.History(x + size * rng.standard_normal(x.shape), y + size * rng.standard_normal(y.shape))
+
+
+SPACES = ["auto", ddmhe.Exact(), ddmhe.Truncated(), ddmhe.Ridge(1e-2, normalised=True)]
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_bounds_over_noisy_recordings_hold_where_they_are_given(seed):
+    """Every kind of certificate over recordings with noise: with the true model never exceeded, else there is none."""
+    rng = np.random.default_rng(seed)
+    n, p = 1 + seed % 3, 1 + (seed // 3) % 3
+    system = random_system(rng, n, p)
+    x, y = system.simulate(rng.standard_normal(n), 150)
+    given = np.zeros(3, dtype=int)
+    for size in (1e-10, 1e-6, 1e-3, 0.05):
+        h = noisy_copy(rng, x, y, size)
+        bare = ioss(A=system.A, C=system.C, eta=0.9)
+        full = ioss(A=system.A, C=system.C, e=system.e, r=system.r, eta=0.9)
+        fitted = ioss(h, 0.9)
+        assert fitted.identified
+        np.testing.assert_array_equal(full.P, bare.P)
+        for space in SPACES:
+            initial, w, v = 0.2, 0.01, 0.05
+            x_0 = rng.standard_normal(n)
+            truth, outputs = disturbed(system, rng, x_0, 100, w, v)
+            outputs[40:43] = np.nan
+            offset = rng.standard_normal(n)
+            prior = x_0 + initial * offset / np.linalg.norm(offset)
+            for k, c in enumerate((bare, full, fitted)):
+                estimator = ddmhe.DdMhe(h, space=space, x_prior=prior, certificate=c, disturbance=(initial, w, v))
+                log = estimator.run(outputs)
+                said = [words for words in estimator.warnings if words.startswith("certificate: no error bound")]
+                assert (log.bound is None) == (len(said) == 1)
+                if log.bound is not None:
+                    given[k] += 1
+                    error = np.linalg.norm(log.x - truth[1:], axis=1)
+                    assert (error <= log.bound * (1 + 1e-9) + 1e-9).all()
+                else:
+                    assert estimator.estimate.bound is None
+                    assert ("e and r with A and C" if k == 0 else "state the recording's noise") in said[0]
+    assert list(given) == [0, 16, 0]
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_offsets_are_read_off_a_recording_without_noise(seed):
+    """A known (A, C) alone: the recording is its trajectory, so there is a bound, far from zero as near it."""
+    rng = np.random.default_rng(seed)
+    n = 1 + seed % 4
+    system = random_system(rng, n, 2)
+    for far in (0.0, 1e3):
+        moved = type(system)(system.A, system.e + far, system.C, system.r - far)
+        rest = np.linalg.solve(np.eye(n) - moved.A, moved.e)
+        x_0 = rest + rng.standard_normal(n)
+        h = ddmhe.History(*moved.simulate(x_0, 80))
+        truth, outputs = disturbed(moved, rng, x_0, 60, 0.01, 0.05)
+        c = ioss(A=system.A, C=system.C, eta=0.8)
+        estimator = ddmhe.DdMhe(h, x_prior=x_0, certificate=c, disturbance=(0.0, 0.01, 0.05))
+        log = estimator.run(outputs)
+        assert (np.linalg.norm(log.x - truth[1:], axis=1) <= log.bound).all()
+        # of another system than the recorded one: its windows are none of its trajectories
+        other = ioss(A=system.A * 0.99, C=system.C, eta=0.8)
+        estimator = ddmhe.DdMhe(h, x_prior=x_0, certificate=other, disturbance=(0.0, 0.01, 0.05))
+        assert estimator.run(outputs).bound is None
+
+
+def test_a_certificate_without_a_model_needs_a_recording_without_noise():
+    rng = np.random.default_rng(0)
+    x, y = random_system(rng, 2, 2).simulate(rng.standard_normal(2), 60)
+    c = ioss(ddmhe.History(x, y), 0.8)
+    assert not c.identified
+    bare = Certificate(c.P, c.Q, c.R, c.eta, c.residual)
+    for h, bounded in ((ddmhe.History(x, y), True), (noisy_copy(rng, x, y, 1e-6), False)):
+        estimator = ddmhe.DdMhe(h, certificate=bare, disturbance=(0.1, 0.01, 0.01))
+        assert (estimator.step(y[0]).bound is not None) == bounded
+        assert (estimator.warnings == []) == bounded
+
+
+def test_no_bound_in_advance_from_a_model_of_a_noisy_recording(tmp_path):
+    rng = np.random.default_rng(0)
+    x, y = random_system(rng, 2, 2).simulate(rng.standard_normal(2), 60)
+    c = ioss(noisy_copy(rng, x, y, 1e-3), 0.8)
+    assert "no error bound follows" in c.words
+    with pytest.raises(ddmhe.DdmheError, match="certificate: expected one of a known system"):
+        c.error_bound(10, 10, 0.1, 0.0, 0.0)
+    write_config(tmp_path / "c.toml", {"certificate": c})
+    assert read_config(tmp_path / "c.toml")["certificate"].identified
+
+
 def test_what_noise_costs():
     """More noise, larger weights; at none the robust certificate is the nominal one; at too much there is none."""
     rng = np.random.default_rng(6)
@@ -395,6 +488,10 @@ def test_errors_name_the_argument():
         (dict(A=A, C=C.T), "C: expected a matrix with 2 columns"),
         (dict(A=A, C=C * np.inf), "C: expected finite numbers"),
         (dict(A=A), "A, C: expected both"),
+        (dict(A=A, C=C, e=[0.0, 0.0]), "e, r: expected both"),
+        (dict(history=h, e=[0.0, 0.0], r=[0.0]), "e, r: expected both with A and C"),
+        (dict(A=A, C=C, e=[0.0], r=[0.0]), "e: expected shape"),
+        (dict(A=A, C=C, e=[0.0, 0.0], r=[np.nan]), "r: expected finite numbers"),
         (dict(), "history: expected either a recording or A and C"),
         (dict(history=h, A=A, C=C), "history: expected either a recording or A and C"),
         (dict(history=x), "history: expected a History"),

@@ -1,7 +1,7 @@
 //! Certificates without Python: x(t+1) = 0.9 x + 1 + w, y = 2 x + v, for which (L) can be checked by hand.
 
 use ddmhe_core::validation::{Fold, validate};
-use ddmhe_core::{Certificate, Config, DdMhe, Disturbance, Error, History, Space};
+use ddmhe_core::{Certificate, Config, DdMhe, Disturbance, Error, History, Model, Space};
 
 fn recorded(start: f64, steps: usize, w: f64) -> (Vec<f64>, Vec<f64>) {
     let x: Vec<f64> = std::iter::successors(Some(start), |x| Some(0.9 * x + 1.0 + w)).take(steps + 1).collect();
@@ -61,6 +61,25 @@ fn a_constant_output_error_is_in_the_bound() {
         let estimate = mhe.step(&[y + 0.2]).expect("a valid output");
         let error = (estimate.x[0] - truth[t + 1]).abs();
         assert!(estimate.bound.is_some_and(|bound| error <= bound), "step {t}: {error} > {:?}", estimate.bound);
+    }
+}
+
+#[test]
+fn a_noisy_recording_without_a_model_leaves_no_bound() {
+    let (x, mut y) = recorded(0.0, 30, 0.0);
+    y[7] += 1e-9;
+    let noisy = History::new(1, 1, &x, &y, 0.1).expect("a valid recording");
+    let disturbance = Some(Disturbance { initial: 1.0, w: 0.1, v: 0.2 });
+    let config = Config { certificate: Some(certificate()), disturbance, ..Config::default() };
+    let mut mhe = DdMhe::new(&noisy, config.clone()).expect("a valid configuration");
+    assert!(mhe.warnings().iter().any(|w| w.contains("no error bound is given")));
+    assert_eq!(mhe.step(&[1.0]).expect("a step").bound, None);
+    let model =
+        |e: Vec<f64>, r: Vec<f64>| Model { A: vec![0.9], e, C: vec![2.0], r, identified: false, uncertainty: None };
+    for (model, bounded) in [(model(vec![1.0], vec![0.0]), true), (model(vec![], vec![]), false)] {
+        let certificate = Some(Certificate { model: Some(model), ..certificate() });
+        let mhe = DdMhe::new(&noisy, Config { certificate, ..config.clone() }).expect("a valid configuration");
+        assert_eq!(mhe.is_bounded(), bounded);
     }
 }
 

@@ -25,11 +25,18 @@
 //! trajectory of the certificate's model (nothing, if the recording was noise-free). By optimality E(t) is never above
 //! (34)'s weighted form. Three further facts can only lower it: past estimates are known (‖x̂(k|t) - x̂(k)‖_P + E(k)),
 //! d⁺ = A d - w gives s(k+1) ≤ ‖A‖_P s(k) + W without any output (Q ⪰ P), and the second serves where y(k) is missing.
+//!
+//! # When there is a bound
+//! (L) speaks of the true system, and the windows are those of the recording. With a noisy one they are trajectories of no system at
+//! all: ŵ and v̂ must then be known, and for that A, e, C and r of the true system, exactly or with an [`Uncertainty`]. A bound is
+//! handed out when they are, or when the recording itself is a trajectory to rounding: every window is then one too, and e and
+//! r are what the recording says. It is not when the model was fitted to a noisy recording whose noise nobody stated.
 
-use crate::config::check_vector;
+use crate::config::{Config, check_vector};
 use crate::error::Error;
-use crate::history::check_finite;
+use crate::history::{History, check_finite};
 use crate::tol;
+use faer::linalg::solvers::SolveLstsq;
 use faer::{Mat, Side};
 use serde::{Deserialize, Serialize};
 
@@ -57,12 +64,14 @@ pub struct Certificate {
 pub struct Model {
     /// (n·n)
     pub A: Vec<f64>,
-    /// (n)
+    /// (n); empty with r: both are taken from the recording, if that is a trajectory of (A, C).
     pub e: Vec<f64>,
     /// (p·n)
     pub C: Vec<f64>,
-    /// (p)
+    /// (p), or empty with e.
     pub r: Vec<f64>,
+    /// Whether it was fitted to a noisy recording whose noise is not known: how far the true system is from it, nobody knows then.
+    pub identified: bool,
     /// For the true system, ‖ΔA x + Δe‖_Q ≤ `w`·q(x) and ‖ΔC x + Δr‖_R ≤ `v`·q(x) with q(x)² = \[x; 1\]ᵀ metric \[x; 1\].
     pub uncertainty: Option<Uncertainty>,
 }
@@ -111,8 +120,12 @@ impl Certificate {
             return Err(Error::value("certificate", "a finite growth of at least 0", growth));
         }
         let Some(model) = &self.model else { return Ok(()) };
-        for (values, len) in [(&model.A, n * n), (&model.e, n), (&model.C, p * n), (&model.r, p)] {
+        let offsets = !(model.e.is_empty() && model.r.is_empty());
+        for (values, len) in [(&model.A, n * n), (&model.C, p * n)] {
             check_vector("certificate", values, len)?;
+        }
+        for (values, len) in [(&model.e, n), (&model.r, p)] {
+            check_vector("certificate", values, if offsets { len } else { 0 })?;
         }
         if let Some(u) = &model.uncertainty {
             check_square("metric", &u.metric, n + 1)?;
@@ -218,9 +231,18 @@ pub(crate) struct ErrorBound {
 }
 
 impl ErrorBound {
+    /// None without a certificate or a disturbance, and in words why there is no bound where it could not be relied on.
+    pub fn new(config: &Config, history: &History) -> Result<Option<Self>, String> {
+        let (Some(certificate), Some(disturbance)) = (&config.certificate, &config.disturbance) else {
+            return Ok(None);
+        };
+        let (n, p, model) = (history.n(), history.p(), true_model(certificate, history)?);
+        Ok(ErrorBound::of(certificate, model, disturbance, n, p))
+    }
+
     /// None when the certificate's matrices cannot be factored (they were checked before).
-    pub fn new(certificate: &Certificate, disturbance: &Disturbance, n: usize, p: usize) -> Option<Self> {
-        let (U_P, U_Q, U_R) = (factor(&certificate.P, n)?, factor(&certificate.Q, n)?, factor(&certificate.R, p)?);
+    fn of(c: &Certificate, model: Option<Model>, disturbance: &Disturbance, n: usize, p: usize) -> Option<Self> {
+        let (U_P, U_Q, U_R) = (factor(&c.P, n)?, factor(&c.Q, n)?, factor(&c.R, p)?);
         let [(smallest, largest), (_, largest_Q), (_, largest_R)] =
             [&U_P, &U_Q, &U_R].map(|U| extremes(U).unwrap_or((0.0, f64::INFINITY)));
         // 0 · ∞ must not become NaN
@@ -228,9 +250,9 @@ impl ErrorBound {
         Some(ErrorBound {
             n,
             p,
-            eta: certificate.eta,
-            growth: certificate.growth.unwrap_or(f64::INFINITY),
-            model: certificate.model.clone(),
+            eta: c.eta,
+            growth: c.growth.unwrap_or(f64::INFINITY),
+            model,
             euclidean: 1.0 / smallest,
             initial: scaled(largest, disturbance.initial),
             W: scaled(largest_Q, disturbance.w),
@@ -326,6 +348,86 @@ impl ErrorBound {
         let q = square.max(0.0).sqrt();
         (u.w * q, u.v * q)
     }
+}
+
+/// The model that residuals are to be taken from; None where every window is a trajectory of the true system. Why neither is known,
+/// in words.
+fn true_model(certificate: &Certificate, history: &History) -> Result<Option<Model>, String> {
+    const NONE: &str = "certificate: no error bound is given";
+    match &certificate.model {
+        Some(model) if model.identified => Err(format!(
+            "{NONE}: its model was fitted to a noisy recording, and how far the true system is from it is not known; state the \
+             recording's noise, or give the true A, C, e and r"
+        )),
+        Some(model) if model.e.is_empty() => match offsets(model, history) {
+            Some((e, r)) => Ok(Some(Model { e, r, ..model.clone() })),
+            None => Err(format!(
+                "{NONE}: the recording is not a trajectory of its (A, C), so that its windows are not either and say nothing reliable of \
+                 the offsets; give e and r with A and C"
+            )),
+        },
+        Some(model) => Ok(Some(model.clone())),
+        None if is_affine(history) => Ok(None),
+        None => Err(format!(
+            "{NONE}: the recording shows noise or curvature, so that its windows are not the true system's trajectories; give the \
+             model A, C, e and r with the certificate"
+        )),
+    }
+}
+
+/// Samples [x(k); x(k+1); y(k)] of a recording.
+fn samples(history: &History) -> impl Iterator<Item = [&[f64]; 3]> {
+    let n = history.n();
+    (0..history.recordings()).flat_map(move |i| {
+        let (x, y) = (history.x(i), history.y(i));
+        let next = x.chunks_exact(n).skip(1);
+        x.chunks_exact(n).zip(next).zip(y.chunks_exact(history.p())).map(|((x, next), y)| [x, next, y])
+    })
+}
+
+/// e and r of a recording that is a trajectory of (A, C) to rounding.
+fn offsets(model: &Model, history: &History) -> Option<(Vec<f64>, Vec<f64>)> {
+    let (n, p, T) = (history.n(), history.p(), history.T() as f64);
+    // what a sample leaves of entry i of [x(k+1); y(k)], and the size of the numbers behind it
+    let left = |[x, next, y]: [&[f64]; 3], i: usize| {
+        let (row, target) = if i < n { (&model.A[i * n..], next[i]) } else { (&model.C[(i - n) * n..], y[i - n]) };
+        row.iter().zip(x).fold((target, target.abs()), |(left, size), (a, x)| (left - a * x, size + (a * x).abs()))
+    };
+    let mut offset = Vec::new();
+    for i in 0..n + p {
+        let mean = samples(history).map(|sample| left(sample, i).0 / T).sum::<f64>();
+        let size = samples(history).map(|sample| left(sample, i).1).fold(0.0, f64::max);
+        if samples(history).any(|sample| (left(sample, i).0 - mean).abs() > tol::TRAJECTORY * size) {
+            return None;
+        }
+        offset.push(mean);
+    }
+    let r = offset.split_off(n);
+    Some((offset, r))
+}
+
+/// Whether some affine system has the recording as its trajectory, to rounding and with a sample to spare.
+fn is_affine(history: &History) -> bool {
+    let (n, p, T) = (history.n(), history.p(), history.T());
+    let all: Vec<[&[f64]; 3]> = samples(history).collect();
+    if T <= n + 1 {
+        return false;
+    }
+    let mean = |part: usize, i: usize| all.iter().map(|s| s[part][i]).sum::<f64>() / T as f64;
+    let centred = |width: usize, pick: &dyn Fn(usize) -> (usize, usize)| {
+        let means: Vec<f64> = (0..width).map(|i| mean(pick(i).0, pick(i).1)).collect();
+        Mat::from_fn(T, width, |k, i| all[k][pick(i).0][pick(i).1] - means[i])
+    };
+    let X = centred(n, &|i| (0, i));
+    let Y = centred(n + p, &|i| if i < n { (1, i) } else { (2, i - n) });
+    let theta = X.col_piv_qr().solve_lstsq(&Y); // n × (n+p)
+    let residual = &Y - &X * &theta;
+    let largest = |part: usize, i: usize| all.iter().fold(0.0_f64, |m, s| m.max(s[part][i].abs()));
+    (0..n + p).all(|i| {
+        let own = if i < n { largest(1, i) } else { largest(2, i - n) };
+        let size = own + (0..n).map(|j| theta[(j, i)].abs() * largest(0, j)).sum::<f64>();
+        residual.col(i).iter().all(|r| r.abs() <= tol::TRAJECTORY * size)
+    })
 }
 
 /// target - (matrix x + offset), into `out`.

@@ -1,6 +1,6 @@
 //! What an estimator computes at construction: settings, weights and the problems of all depths.
 
-use crate::certificate::smallest_contracting;
+use crate::certificate::{ErrorBound, smallest_contracting};
 use crate::challenge::challenge;
 use crate::config::{Bounds, Center, Config, Settings, Weighting, validate};
 use crate::defaults::Defaults;
@@ -27,6 +27,7 @@ pub(crate) struct Design {
     pub spectral_radius: f64,
     pub warnings: Vec<String>,
     pub watch: Watch,
+    pub bound: Option<ErrorBound>, // as it starts
     centered: bool,
 }
 
@@ -91,10 +92,15 @@ impl Design {
         let (watch, mut words) = Watch::new(history);
         words.extend(too_little(history, config, &rule, horizon));
         words.extend(warnings(config, &settings, radius));
+        let bound = ErrorBound::new(config, history).unwrap_or_else(|why| {
+            words.push(why);
+            None
+        });
         Ok(Design {
             history: history.clone(),
             warnings: words,
             watch,
+            bound,
             limits: Limits {
                 x: config.x_bounds.clone(),
                 v: config.v_bounds.as_ref().map(|v| Bounds { lo: v.lo.repeat(horizon), hi: v.hi.repeat(horizon) }),

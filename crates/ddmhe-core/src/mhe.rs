@@ -53,12 +53,8 @@ impl DdMhe {
     /// recording is too short for the horizon or violates the rank condition (7).
     pub fn new(history: &History, config: Config) -> Result<Self, Error> {
         let design = Design::new(history, &config)?;
-        let bound = match (&config.certificate, &config.disturbance) {
-            (Some(c), Some(d)) => ErrorBound::new(c, d, history.n(), history.p()),
-            _ => None,
-        };
         let mut mhe = DdMhe {
-            bound,
+            bound: design.bound.clone(),
             memory: Memory::new(history.n(), history.p(), design.settings.horizon, design.rank),
             kept: Kept::default(),
             seen: Seen::default(),
@@ -147,6 +143,11 @@ impl DdMhe {
     /// The configuration that was asked for.
     pub fn config(&self) -> &Config {
         &self.config
+    }
+
+    /// Whether estimates carry an error bound; [`warnings`](Self::warnings) says why not, if one was asked for.
+    pub fn is_bounded(&self) -> bool {
+        self.bound.is_some()
     }
 
     /// Steps taken since the start or the last reset.

@@ -8,6 +8,10 @@ pub const RANK_EPS: f64 = f64::EPSILON;
 /// were rounded once; recursions far from zero, whose rounding a window carries along, came to 2.5 at depth 320.
 pub const DATA_ROUNDING: f64 = 8.0;
 
+/// A recording counts as a trajectory of an affine system when each sample misses it by less than this share of the numbers that were
+/// added up: some hundred roundings.
+pub const TRAJECTORY: f64 = 1e3 * f64::EPSILON;
+
 /// The least-norm choice among equally good α (Exact spaces whose data hold more directions than the
 /// cost sees) enters as a penalty of this size relative to the cost's own curvature: small enough to
 /// leave the cost's minimiser alone to about 1e-8, large enough to survive rounding.

@@ -6,7 +6,7 @@ use pyo3::prelude::*;
 
 const ARGUMENT: &str = "certificate";
 
-/// P, Q, R, eta; growth, the model (A, e, C, r) and its uncertainty where they are not None.
+/// P, Q, R, eta; growth, the model (A, C, with e and r) and its uncertainty where they are not None.
 pub fn certificate(value: &Bound<'_, PyAny>, n: usize, p: usize) -> PyResult<Certificate> {
     let wrong = |name: &str| {
         DdmheError::new_err(format!("{ARGUMENT}: expected a ddmhe.design.Certificate, found one without {name}"))
@@ -24,10 +24,16 @@ pub fn certificate(value: &Bound<'_, PyAny>, n: usize, p: usize) -> PyResult<Cer
     })
 }
 
-/// The model, if all of A, e, C, r are there.
+/// The model, if A and C are there; without e and r they are to be taken from the recording.
 fn model(value: &Bound<'_, PyAny>, n: usize, p: usize) -> PyResult<Option<Model>> {
     let part = |name: &str| value.getattr(name).ok().filter(|v| !v.is_none());
-    let (Some(A), Some(e), Some(C), Some(r)) = (part("A"), part("e"), part("C"), part("r")) else { return Ok(None) };
+    let (Some(A), Some(C)) = (part("A"), part("C")) else { return Ok(None) };
+    let offset = |name: &str, len: usize| part(name).map(|v| Numbers::vector(ARGUMENT, &v, len)).transpose();
+    let (e, r) = (offset("e", n)?, offset("r", p)?);
+    if e.is_some() != r.is_some() {
+        return Err(DdmheError::new_err(format!("{ARGUMENT}: expected both e and r or neither, found one")));
+    }
+    let identified = part("identified").is_some_and(|v| v.is_truthy().unwrap_or(true));
     let uncertainty = part("uncertainty")
         .map(|u| {
             let metric = matrix(&u.getattr("metric")?, n + 1, n + 1)?;
@@ -36,9 +42,10 @@ fn model(value: &Bound<'_, PyAny>, n: usize, p: usize) -> PyResult<Option<Model>
         .transpose()?;
     Ok(Some(Model {
         A: matrix(&A, n, n)?,
-        e: Numbers::vector(ARGUMENT, &e, n)?,
+        e: e.unwrap_or_default(),
         C: matrix(&C, p, n)?,
-        r: Numbers::vector(ARGUMENT, &r, p)?,
+        r: r.unwrap_or_default(),
+        identified,
         uncertainty,
     }))
 }

@@ -211,7 +211,7 @@ impl DdMhe {
             }
             _ => None,
         };
-        Log::new(py, log, n, core.config().disturbance.is_some(), x)
+        Log::new(py, log, n, core.is_bounded(), x)
     }
 
     /// Back to t = 0, with another prior state if given.
@@ -415,7 +415,8 @@ impl Estimate {
         self.core.cost
     }
 
-    /// Bound on the Euclidean norm of x's error, with a certificate and the disturbance's size; else None.
+    /// Bound on the Euclidean norm of x's error, with a certificate and the disturbance's size where it can be relied on; else None, and
+    /// DdMhe.warnings says why.
     #[getter]
     fn bound(&self) -> Option<f64> {
         self.core.bound
@@ -454,7 +455,8 @@ pub struct Log {
     /// Cost (17) of each step (N,).
     #[pyo3(get)]
     cost: Py<PyArray1<f64>>,
-    /// Error bound of each step (N,), with a certificate and the disturbance's size; else None.
+    /// Error bound of each step (N,), with a certificate and the disturbance's size where it can be relied on; else None, and
+    /// DdMhe.warnings says why.
     #[pyo3(get)]
     bound: Option<Py<PyArray1<f64>>>,
     status: PyOnceLock<Py<PyAny>>,
@@ -492,7 +494,7 @@ pub fn run_many(py: Python<'_>, estimators: &Bound<'_, PyAny>, logs: &Bound<'_, 
         let data = columns(&logs, |_| core.p())?;
         let slices: Vec<&[f64]> = data.iter().map(Vec::as_slice).collect();
         let found = py.detach(|| ddmhe_core::run_copies(core, &slices)).map_err(raise)?;
-        let (n, bounded) = (core.n(), core.config().disturbance.is_some());
+        let (n, bounded) = (core.n(), core.is_bounded());
         return found.into_iter().map(|log| Log::new(py, log, n, bounded, None)).collect();
     }
     let estimators = items("estimators", "a DdMhe or a list of DdMhe or of History", estimators)?;
@@ -529,7 +531,7 @@ pub fn run_many(py: Python<'_>, estimators: &Bound<'_, PyAny>, logs: &Bound<'_, 
         borrowed.push(estimator.get().core().map_err(|_| in_use(k))?);
     }
     let data = columns(&logs, |k| borrowed[k].p())?;
-    let sizes: Vec<(usize, bool)> = borrowed.iter().map(|e| (e.n(), e.config().disturbance.is_some())).collect();
+    let sizes: Vec<(usize, bool)> = borrowed.iter().map(|e| (e.n(), e.is_bounded())).collect();
     let mut cores: Vec<&mut ddmhe_core::DdMhe> = borrowed.iter_mut().map(|e| &mut **e).collect();
     let slices: Vec<&[f64]> = data.iter().map(Vec::as_slice).collect();
     let found = py.detach(|| ddmhe_core::run_many(&mut cores, &slices)).map_err(raise)?;

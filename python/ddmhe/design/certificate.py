@@ -29,7 +29,7 @@ from ddmhe.design.dissipation import (
     largest_eigenvalue,
     root,
 )
-from ddmhe.design.model import identify, unobservable_modes
+from ddmhe.design.model import identify, samples, unobservable_modes
 from ddmhe.design.uncertainty import ConsistentSet, RecordingNoise, consistent_set
 
 Array = NDArray[np.float64]
@@ -38,6 +38,8 @@ __all__ = ["Certificate", "Uncertainty", "ioss", "scalar_certificate"]
 
 MOST_STEPS = 10_000_000
 """Steps whose bounds fit into memory."""
+TRAJECTORY = 1e3 * float(np.finfo(float).eps)
+"""A recording counts as exact when every sample misses the model by less than this share of the numbers added up."""
 ETA = 0.95
 """Discount that is designed for when neither `eta` nor `condition` is given."""
 
@@ -70,8 +72,10 @@ class Certificate:
     C: Array | None = None
     """(p, n)"""
     e: Array | None = None
-    """Offsets (n,), where known; the error bound then accounts for windows that are not the model's trajectories."""
+    """Offsets (n,), where known; the error bound then accounts for windows that are not the model's trajectories.
+    Without them there is a bound only over a recording that is a trajectory of (A, C)."""
     r: Array | None = None
+    """(p,)"""
     growth: float | None = None
     """At least ‖A d‖_P/‖d‖_P for all d and all consistent A."""
     uncertainty: Uncertainty | None = None
@@ -80,6 +84,9 @@ class Certificate:
     """The noise for which a robust certificate was made."""
     optimised: bool = True
     """Whether `ioss` found it by its programme: False is the Riccati solution, valid but larger than it need be."""
+    identified: bool = False
+    """Whether the model was fitted to a noisy (or curved) recording without a statement of its noise: how far the true
+    system is from it, nobody knows, and no error bound follows."""
 
     @property
     def condition(self) -> float:
@@ -102,13 +109,19 @@ class Certificate:
 
         The weighted form of (34) for ‖x̄(0) - x(0)‖ ≤ initial, ‖w(t)‖ ≤ w, ‖v(t)‖ ≤ v, without constraints or with
         constraints that the true trajectory satisfies, for an estimator whose windows are trajectories of a certified
-        system. The estimate compares with the trajectory from the true x(t-M) without w, whose outputs are off by v +
-        Cδ, δ = Σ Aⁱw; each bound is the minimum over K > 1 of
+        system; those of a noisy recording are not, and only `Estimate.bound` accounts for that. The estimate compares
+        with the trajectory from the true x(t-M) without w, whose outputs are off by v + Cδ, δ = Σ Aⁱw; each bound is
+        the minimum over K > 1 of
 
             K(2η^M E² + Σ η^{j-1}(‖v + Cδ‖_R)²) + 2K/(2K-1) η^M E² + K/(K-1) Σ η^{j-1} V² + Σ η^{j-1} W².
 
         (34) as printed is too small: it has √μ‖w‖ where w(t-1), which no output up to t-1 shows, needs ‖w‖.
         """
+        if self.identified:
+            raise DdmheError(
+                "certificate: expected one of a known system or with the recording's noise stated, found one whose "
+                "model was fitted to a noisy recording"
+            )
         for name, value in (("initial", initial), ("w", w), ("v", v)):
             check_number(name, value, "a finite number of at least 0", lambda size: size >= 0)
         for name, count in (("steps", steps), ("horizon", horizon)):
@@ -163,6 +176,8 @@ class Certificate:
                 "the one system (A, C) that was given or identified, and no other that a noisy recording allows (state "
                 "its noise for that)"
             )
+        if self.identified:
+            scope += ", so that no error bound follows"
         best = "" if self.optimised else " Rounding refuted the smaller weights that were tried: not the best gains."
         return (
             f"Certified for {scope}: discount {self.eta:.6g} per sample, cond P = {self.condition:.4g}, largest "
@@ -177,6 +192,8 @@ def ioss(
     *,
     A: ArrayLike | None = None,
     C: ArrayLike | None = None,
+    e: ArrayLike | None = None,
+    r: ArrayLike | None = None,
     condition: float | None = None,
     noise: RecordingNoise | None = None,
     gains: tuple[float, float] | None = None,
@@ -194,6 +211,9 @@ def ioss(
         Discount per sample. Default: the smallest that `condition` allows, or 0.95.
     A, C : arrays (n, n), (p, n)
         A known system instead of a recording.
+    e, r : arrays (n,), (p,)
+        Its offsets, x(t+1) = A x + e, y = C x + r; zeros for a linear system. P, Q and R do not depend on them, but the
+        error bound of an estimator over a noisy recording does.
     condition : float > 1
         Upper bound on cond P.
     noise : RecordingNoise
@@ -216,6 +236,9 @@ def ioss(
     if noise is not None:
         check_kind("noise", noise, RecordingNoise, "a RecordingNoise")
     allowed = _resolve(history, A, C, noise)
+    if (e is None) != (r is None) or (e is not None and history is not None):
+        raise DdmheError("e, r: expected both with A and C, or neither, found otherwise")
+    known = None if e is None or r is None else _offsets(allowed, e, r)
     if gains is None:
         gains = (1.0, max(float(np.linalg.norm(allowed.C, 2)), 1e-300))
     if not isinstance(gains, tuple | list) or len(gains) != 2:
@@ -227,11 +250,25 @@ def ioss(
     found = best_gains(allowed, eta, condition, gains)
     if found is None:
         raise InfeasibleError(_why_not(allowed, eta, condition, gains, noise))
-    return _certificate(allowed, *found, eta=eta, noise=noise, offsets=history is not None)
+    certificate = _certificate(allowed, *found, eta=eta, noise=noise, offsets=history is not None)
+    if known is not None:
+        return replace(certificate, e=known[0], r=known[1])
+    return replace(certificate, identified=history is not None and noise is None and not _is_exact(history, allowed))
 
 
-def scalar_certificate(A: ArrayLike, C: ArrayLike, gain: ArrayLike, rho: float, mu: float) -> Certificate:
+def scalar_certificate(
+    A: ArrayLike,
+    C: ArrayLike,
+    gain: ArrayLike,
+    rho: float,
+    mu: float,
+    *,
+    e: ArrayLike | None = None,
+    r: ArrayLike | None = None,
+) -> Certificate:
     """The scalar weights of (17) as a certificate, P = I, R = μI, Q = 3I, η = ρ, if `gain` L (n, p) satisfies (24).
+
+    e, r are the offsets of the system, as in `ioss`.
 
     ‖A_L d - w + L(v - v̂)‖² ≤ 3‖A_L d‖² + 3‖w‖² + 3‖L(v - v̂)‖² with 6‖A_L‖² ≤ ρ, 6‖L‖² ≤ μ gives (L).
     """
@@ -249,7 +286,12 @@ def scalar_certificate(A: ArrayLike, C: ArrayLike, gain: ArrayLike, rho: float, 
     residual = largest_eigenvalue(dissipation(A, C, P, Q, R, rho))
     if residual > 0:
         raise InfeasibleError(f"gain: expected one for which the inequality holds, found its eigenvalue {residual:.3g}")
-    return Certificate(P, Q, R, rho, residual, A, C, growth=float(np.linalg.norm(A, 2)))
+    if (e is None) != (r is None):
+        raise DdmheError("e, r: expected both or neither, found one")
+    certificate = Certificate(P, Q, R, rho, residual, A, C, growth=float(np.linalg.norm(A, 2)))
+    if e is None or r is None:
+        return certificate
+    return replace(certificate, e=_vector("e", e, len(A)), r=_vector("r", r, len(C)))
 
 
 # --- the system and its uncertainty
@@ -272,6 +314,27 @@ def _resolve(
         e, r = np.zeros(len(A_)), np.zeros(len(C_))
     n, p = len(A_), len(C_)
     return ConsistentSet(A_, e, C_, r, root=np.zeros((n + p, 0)), metric=np.zeros((n + 1, n + 1)))
+
+
+def _vector(name: str, value: ArrayLike, size: int) -> Array:
+    vector = array(name, value)
+    if vector.shape != (size,):
+        raise ShapeError(f"{name}: expected shape ({size},), found {vector.shape}")
+    check_finite(name, vector)
+    return vector
+
+
+def _offsets(allowed: ConsistentSet, e: ArrayLike, r: ArrayLike) -> tuple[Array, Array]:
+    return _vector("e", e, len(allowed.A)), _vector("r", r, len(allowed.C))
+
+
+def _is_exact(history: History, model: ConsistentSet) -> bool:
+    """Whether the recording is a trajectory of the model to rounding, with a sample to spare."""
+    X, Z = samples(history)
+    theta = np.vstack([model.A, model.C])
+    residual = Z - X @ theta.T - np.concatenate([model.e, model.r])
+    size = np.abs(Z).max(axis=0) + np.abs(theta) @ np.abs(X).max(axis=0)
+    return len(X) > history.n + 1 and bool((np.abs(residual) <= TRAJECTORY * size).all())
 
 
 def _matching(P: Array, A: Array, R: Array, C: Array) -> None:
