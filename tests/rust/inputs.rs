@@ -1,7 +1,7 @@
 //! One test per kind of wrong input at the Rust border; the Python tests go through all arguments.
 
 use crate::systems::modes;
-use ddmhe_core::{Bounds, Config, DdMhe, Error, History};
+use ddmhe_core::{BlockHankel, Bounds, Config, DdMhe, Error, History};
 
 fn history() -> History {
     modes(1).record(&[1.0, 0.5], 30)
@@ -68,4 +68,26 @@ fn settings_out_of_range() {
 fn a_message_names_argument_expectation_and_finding() {
     let error = rejected(Config { rho: Some(1.5), ..Config::default() });
     assert_eq!(error.to_string(), "rho: expected a number in (0, 1), found 1.5");
+}
+
+#[test]
+fn what_is_not_there_is_an_error() {
+    let history = history();
+    assert_eq!((history.x(0).unwrap().len(), history.y(0).unwrap().len()), (62, 60));
+    for i in [1, usize::MAX] {
+        assert!(matches!(history.x(i), Err(Error::Value { argument: "i", .. })));
+        assert!(matches!(history.y(i), Err(Error::Value { argument: "i", .. })));
+    }
+    assert_eq!(history.hankel(0).count(), 0);
+    let signal = [0.0; 6];
+    assert!(matches!(BlockHankel::new(&signal, 0, 2), Err(Error::Value { argument: "width", .. })));
+    assert!(matches!(BlockHankel::new(&signal, 2, 0), Err(Error::Value { argument: "depth", .. })));
+    assert!(matches!(BlockHankel::new(&signal, 4, 1), Err(Error::Shape { argument: "signal", .. })));
+    let H = BlockHankel::new(&signal, 2, 2).unwrap();
+    assert!(H.col(1).is_ok());
+    for k in [2, usize::MAX] {
+        assert!(matches!(H.col(k), Err(Error::Value { argument: "k", .. })));
+    }
+    let endless = BlockHankel::new(&signal, 2, usize::MAX).unwrap();
+    assert_eq!((endless.ncols(), endless.to_mat().ncols()), (0, 0));
 }

@@ -379,7 +379,7 @@ fn true_model(certificate: &Certificate, history: &History) -> Result<Option<Mod
 fn samples(history: &History) -> impl Iterator<Item = [&[f64]; 3]> {
     let n = history.n();
     (0..history.recordings()).flat_map(move |i| {
-        let (x, y) = (history.x(i), history.y(i));
+        let (x, y) = (history.states(i), history.outputs(i));
         let next = x.chunks_exact(n).skip(1);
         x.chunks_exact(n).zip(next).zip(y.chunks_exact(history.p())).map(|((x, next), y)| [x, next, y])
     })

@@ -89,7 +89,7 @@ fn windows(history: &History, scaling: &Scaling, rho: f64, depth: usize, noise: 
     let (mut U, mut A) = (Mat::zeros(N, depth * p), Mat::zeros(N, 2 * n));
     let mut row = 0;
     for r in 0..history.recordings() {
-        let (x, y) = (history.x(r), history.y(r));
+        let (x, y) = (history.states(r), history.outputs(r));
         for k in 0..(y.len() / p + 1).saturating_sub(depth) {
             for (j, sample) in y[k * p..(k + depth) * p].chunks_exact(p).enumerate() {
                 let fading = rho.powi((depth - 1 - j) as i32).sqrt();

@@ -120,7 +120,7 @@ impl Defaults {
     /// or the shortest of the rule, costs windows.
     pub fn needed(&self, n: usize, horizon: Option<usize>) -> Option<usize> {
         let horizon = horizon.unwrap_or(HORIZON.0);
-        (self.misfit >= EXACT).then_some(((n + 1) * SAMPLES).max((n + 1) * WINDOWS + horizon - 1))
+        (self.ratio > 0.0).then_some(((n + 1) * SAMPLES).max((n + 1) * WINDOWS + horizon - 1))
     }
 
     /// The space `auto` for the noise weight `mu` in force.
@@ -154,8 +154,8 @@ pub(crate) fn one_step(history: &History, rest: Option<(&[f64], &[f64])>) -> Vec
     let mut regressor: Vec<&[f64]> = Vec::new(); // x(k)
     let mut target: Vec<[&[f64]; 2]> = Vec::new(); // x(k+1), y(k)
     for i in 0..history.recordings() {
-        let x: Vec<&[f64]> = history.x(i).chunks_exact(n).collect();
-        target.extend(x[1..].iter().zip(history.y(i).chunks_exact(p)).map(|(x, y)| [*x, y]));
+        let x: Vec<&[f64]> = history.states(i).chunks_exact(n).collect();
+        target.extend(x[1..].iter().zip(history.outputs(i).chunks_exact(p)).map(|(x, y)| [*x, y]));
         regressor.extend(&x[..x.len() - 1]);
     }
     let recorded = regressor.len();
@@ -196,7 +196,10 @@ fn relative_noise(history: &History, scaling: &Scaling) -> [f64; 2] {
         let ratios = noise.iter().zip(&variance).map(|(noise, variance)| noise / variance);
         (ratios.sum::<f64>() / units.len() as f64).sqrt()
     };
-    [level(History::x, &scaling.unit_x, &scaling.groups_x), level(History::y, &scaling.unit_y, &scaling.groups_y)]
+    [
+        level(History::states, &scaling.unit_x, &scaling.groups_x),
+        level(History::outputs, &scaling.unit_y, &scaling.groups_y),
+    ]
 }
 
 /// Variance of the noise on one channel of a signal, (its number, how many there are): Δ⁵ of white noise of variance σ² has variance

@@ -172,7 +172,7 @@ fn warnings(config: &Config, settings: &Settings, spectral_radius: f64) -> Vec<S
 
 /// Outputs that are in the window before the first step: a warm start takes them from the last recording.
 pub(crate) fn filled(history: &History, config: &Config, horizon: usize) -> usize {
-    let recorded = history.y(history.recordings() - 1).len() / history.p();
+    let recorded = history.outputs(history.recordings() - 1).len() / history.p();
     if config.warm_start { recorded.min(horizon) } else { 0 }
 }
 

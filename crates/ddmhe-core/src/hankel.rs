@@ -19,13 +19,24 @@ pub struct BlockHankel<'a> {
 
 impl<'a> BlockHankel<'a> {
     /// The matrix of a time-major `signal` with `width` channels.
-    pub fn new(signal: &'a [f64], width: usize, depth: usize) -> Self {
-        BlockHankel { signal, width, depth }
+    ///
+    /// # Errors
+    /// [`Error::Value`] when `width` or `depth` is 0, [`Error::Shape`] when the signal is no whole number of samples.
+    pub fn new(signal: &'a [f64], width: usize, depth: usize) -> Result<Self, Error> {
+        for (name, value) in [("width", width), ("depth", depth)] {
+            if value == 0 {
+                return Err(Error::value(name, "at least 1", value));
+            }
+        }
+        if !signal.len().is_multiple_of(width) {
+            return Err(Error::shape("signal", format!("a multiple of width = {width} numbers"), signal.len()));
+        }
+        Ok(BlockHankel { signal, width, depth })
     }
 
     /// Number of rows, depth · width.
     pub fn nrows(&self) -> usize {
-        self.depth * self.width
+        self.depth.saturating_mul(self.width)
     }
 
     /// Number of columns, samples - depth + 1 (0 when the signal is shorter than the depth).
@@ -35,15 +46,29 @@ impl<'a> BlockHankel<'a> {
 
     /// Column k.
     ///
-    /// # Panics
-    /// When k ≥ [`ncols`](Self::ncols).
-    pub fn col(&self, k: usize) -> &'a [f64] {
-        &self.signal[k * self.width..(k + self.depth) * self.width]
+    /// # Errors
+    /// [`Error::Value`] when k ≥ [`ncols`](Self::ncols).
+    pub fn col(&self, k: usize) -> Result<&'a [f64], Error> {
+        let columns = self.ncols();
+        if k >= columns {
+            return Err(Error::value("k", format!("less than the number of columns, {columns}"), k));
+        }
+        Ok(&self.signal[k * self.width..(k + self.depth) * self.width])
     }
 
-    /// A dense copy, rows × columns.
+    /// All columns, in time.
+    pub fn columns(&self) -> impl Iterator<Item = &'a [f64]> + use<'a> {
+        let (signal, width, depth) = (self.signal, self.width, self.depth);
+        (0..self.ncols()).map(move |k| &signal[k * width..(k + depth) * width])
+    }
+
+    /// A dense copy, rows × columns; 0 × 0 without columns.
     pub fn to_mat(&self) -> Mat<f64> {
-        Mat::from_fn(self.nrows(), self.ncols(), |i, k| self.col(k)[i])
+        if self.ncols() == 0 {
+            return Mat::zeros(0, 0);
+        }
+        // a column is contiguous in the signal
+        Mat::from_fn(self.nrows(), self.ncols(), |i, k| self.signal[k * self.width + i])
     }
 }
 
@@ -68,7 +93,7 @@ impl RankReport {
     pub(crate) fn new(history: &History, depth: usize) -> Self {
         let n = history.n();
         let starts: Vec<&[f64]> =
-            history.hankel(depth).flat_map(|(H_x, _)| (0..H_x.ncols()).map(move |k| &H_x.col(k)[..n])).collect();
+            history.hankel(depth).flat_map(|(H_x, _)| H_x.columns().map(move |x| &x[..n])).collect();
         let largest = |i: usize| starts.iter().fold(0.0_f64, |m, x| m.max(x[i].abs()));
         let scale: Vec<f64> = (0..n).map(largest).map(|s| if s > 0.0 { s } else { 1.0 }).collect();
         // (n+1) × N

@@ -158,12 +158,33 @@ impl History {
     }
 
     /// State samples of recording `i`, (Tᵢ+1)·n numbers.
-    pub fn x(&self, i: usize) -> &[f64] {
-        &self.recordings[i].x
+    ///
+    /// # Errors
+    /// [`Error::Value`] when there is no such recording.
+    pub fn x(&self, i: usize) -> Result<&[f64], Error> {
+        self.recording(i).map(|r| &r.x[..])
     }
 
     /// Output samples of recording `i`, Tᵢ·p numbers.
-    pub fn y(&self, i: usize) -> &[f64] {
+    ///
+    /// # Errors
+    /// [`Error::Value`] when there is no such recording.
+    pub fn y(&self, i: usize) -> Result<&[f64], Error> {
+        self.recording(i).map(|r| &r.y[..])
+    }
+
+    fn recording(&self, i: usize) -> Result<&Recording, Error> {
+        let last = self.recordings.len() - 1;
+        self.recordings.get(i).ok_or_else(|| Error::value("i", format!("0 to {last}, a recording's number"), i))
+    }
+
+    /// As [`x`](Self::x), for a recording that is known to be there.
+    pub(crate) fn states(&self, i: usize) -> &[f64] {
+        &self.recordings[i].x
+    }
+
+    /// As [`y`](Self::y), for a recording that is known to be there.
+    pub(crate) fn outputs(&self, i: usize) -> &[f64] {
         &self.recordings[i].y
     }
 
@@ -178,12 +199,11 @@ impl History {
         self.recordings.iter().map(|r| (r.y.len() / self.p + 1).saturating_sub(depth)).sum()
     }
 
-    /// H_{depth+1}(x) and H_depth(y) of each recording that is long enough, without copying.
+    /// H_{depth+1}(x) and H_depth(y) of each recording that is long enough, without copying; none for depth 0.
     pub fn hankel(&self, depth: usize) -> impl Iterator<Item = (BlockHankel<'_>, BlockHankel<'_>)> {
-        self.recordings
-            .iter()
-            .filter(move |r| r.y.len() / self.p >= depth)
-            .map(move |r| (BlockHankel::new(&r.x, self.n, depth + 1), BlockHankel::new(&r.y, self.p, depth)))
+        self.recordings.iter().filter(move |r| r.y.len() / self.p >= depth).filter_map(move |r| {
+            Some((BlockHankel::new(&r.x, self.n, depth + 1).ok()?, BlockHankel::new(&r.y, self.p, depth).ok()?))
+        })
     }
 
     /// The rank condition (7) for windows of `depth` outputs:

@@ -255,7 +255,7 @@ impl DdMhe {
         self.reserve();
         let last = history.recordings() - 1;
         let filled = filled(history, &self.config, design.settings.horizon);
-        let (x, y) = (history.x(last), history.y(last));
+        let (x, y) = (history.states(last), history.outputs(last));
         let mut states = x[x.len() - (filled + 1) * n..].to_vec();
         if let Some(prior) = &self.config.x_prior {
             states[filled * n..].copy_from_slice(prior);

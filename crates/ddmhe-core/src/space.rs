@@ -130,14 +130,14 @@ impl Scaling {
     /// [`Error::Rank`] when the state never moves: such a recording says nothing.
     pub fn new(history: &History) -> Result<Self, Error> {
         let (groups_x, groups_y) = (groups(history.x_units()), groups(history.y_units()));
-        let x = Channels::new(history, History::x, history.n(), &groups_x);
-        let y = Channels::new(history, History::y, history.p(), &groups_y);
+        let x = Channels::new(history, History::states, history.n(), &groups_x);
+        let y = Channels::new(history, History::outputs, history.p(), &groups_y);
         if !x.moved.contains(&true) {
             return Err(Error::rank("history", "a state x that changes", "the same x in every sample"));
         }
         let noise = |floor: f64| -> Vec<f64> {
             let of = |(i, variance): (usize, &f64)| {
-                fifth_differences(history, History::y, (i, history.p())).max(floor * variance)
+                fifth_differences(history, History::outputs, (i, history.p())).max(floor * variance)
             };
             y.variance.iter().enumerate().map(of).collect()
         };
@@ -327,14 +327,14 @@ impl<'a> WindowStack<'a> {
         let (n, p) = (self.history.n(), self.history.p());
         let mut starts = Vec::new();
         for i in 0..self.history.recordings() {
-            let T = self.history.y(i).len() / p;
+            let T = self.history.outputs(i).len() / p;
             let first = if covered == 0 { 0 } else { (T + 1).saturating_sub(covered) };
             starts.extend((first..(T + 1).saturating_sub(depth)).map(|k| (i, k)));
         }
         let mut rows = Mat::zeros(starts.len(), 1 + depth * (n + p) + n);
         for (row, &(i, k)) in starts.iter().enumerate() {
             rows[(row, 0)] = 1.0;
-            let (x, y) = (&self.history.x(i)[k * n..], &self.history.y(i)[k * p..]);
+            let (x, y) = (&self.history.states(i)[k * n..], &self.history.outputs(i)[k * p..]);
             for j in 0..=depth {
                 let y_j = if j < depth { &y[j * p..(j + 1) * p] } else { &[] };
                 for (a, v) in self.scaling.deviations(&x[j * n..(j + 1) * n], y_j).enumerate() {

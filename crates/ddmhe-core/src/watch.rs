@@ -52,11 +52,11 @@ impl Watch {
     pub fn new(history: &History) -> (Self, Vec<String>) {
         let (mut watch, mut words) = (Watch::default(), Vec::new());
         for index in 0..history.n() {
-            let parts = (0..history.recordings()).map(|i| history.x(i)).collect();
+            let parts = (0..history.recordings()).map(|i| history.states(i)).collect();
             words.extend(Channel { parts, width: history.n(), index }.wrapped("state"));
         }
         for index in 0..history.p() {
-            let parts = (0..history.recordings()).map(|i| history.y(i)).collect();
+            let parts = (0..history.recordings()).map(|i| history.outputs(i)).collect();
             let channel = Channel { parts, width: history.p(), index };
             if let Some((value, rounding)) = channel.still() {
                 watch.still.push((index, value, rounding));
@@ -210,7 +210,7 @@ impl Channel<'_> {
 
 /// States that never moved in the recording.
 pub(crate) fn still_states(history: &History) -> impl Iterator<Item = usize> {
-    let parts = || (0..history.recordings()).map(|i| history.x(i)).collect();
+    let parts = || (0..history.recordings()).map(|i| history.states(i)).collect();
     let channel = move |index: usize| Channel { parts: parts(), width: history.n(), index };
     (0..history.n()).filter(move |&i| channel(i).still().is_some())
 }

@@ -135,7 +135,8 @@ impl History {
     #[getter]
     fn recordings<'py>(&self, py: Python<'py>) -> PyResult<Vec<Signals<'py>>> {
         let core = &self.core;
-        let pair = |i| Ok((array2(py, core.x(i).to_vec(), core.n())?, array2(py, core.y(i).to_vec(), core.p())?));
+        let array = |signal: &[f64], width| array2(py, signal.to_vec(), width);
+        let pair = |i| Ok((array(core.x(i).map_err(raise)?, core.n())?, array(core.y(i).map_err(raise)?, core.p())?));
         (0..core.recordings()).map(pair).collect()
     }
 
