@@ -317,9 +317,7 @@ def _resolve(
 
 
 def _vector(name: str, value: ArrayLike, size: int) -> Array:
-    vector = array(name, value)
-    if vector.shape != (size,):
-        raise ShapeError(f"{name}: expected shape ({size},), found {vector.shape}")
+    vector = array(name, value, (size,))
     check_finite(name, vector)
     return vector
 
