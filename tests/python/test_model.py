@@ -83,5 +83,5 @@ def test_errors_name_the_argument():
         identify(ddmhe.History(x, y))
     with pytest.raises(ddmhe.RankError, match="history: expected at least 3 outputs"):
         identify(ddmhe.History(x[:3], y[:2]))
-    with pytest.raises(ddmhe.DdmheError, match="method: expected one of 'least squares'"):
+    with pytest.raises(ddmhe.DdmheError, match="method: expected one of least squares"):
         identify(ddmhe.History(x, y), "magic")
