@@ -19,7 +19,7 @@
 //! until it is not.
 //!
 //! A large f says that x(k) alone does not tell x(k+1), but not why. Hidden parts of the state ask for long windows, noise that drives the
-//! state for short ones and a weak prior. Above f = 0.1 the recording decides: see [`challenge`](crate::challenge).
+//! state for short ones and a weak prior. Above f = 0.1 the recording decides: see the module `challenge`.
 //!
 //! `make study-defaults` measures the rule against the best settings in hindsight.
 
