@@ -68,10 +68,7 @@ def _numbers(ctx: click.Context, param: click.Parameter, value: str | None) -> t
     """Finite numbers from a comma-separated list."""
     if value is None:
         return None
-    try:
-        numbers = tuple(float(part) for part in value.split(","))
-    except ValueError:
-        numbers = ()
+    numbers = _parsed(value)
     if not numbers or not np.isfinite(numbers).all():
         raise click.BadParameter(f"expected finite numbers separated by commas, found {value!r}")
     return numbers
@@ -81,11 +78,18 @@ def _radius(ctx: click.Context, param: click.Parameter, value: str | None) -> Ar
     """One number for all columns, or one a column, separated by commas."""
     if value is None:
         return None
-    try:
-        found = np.array([float(v) for v in value.split(",")])
-    except ValueError:
-        raise click.BadParameter(f"expected a number, or one a column parted by commas, found {value!r}") from None
+    found = np.array(_parsed(value))
+    if not found.size:
+        raise click.BadParameter(f"expected a number, or one a column parted by commas, found {value!r}")
     return found[0] if len(found) == 1 else found
+
+
+def _parsed(value: str) -> tuple[float, ...]:
+    """The numbers of a comma-separated list; none where one of them is no number."""
+    try:
+        return tuple(float(part) for part in value.split(","))
+    except ValueError:
+        return ()
 
 
 def reading_options(required: bool) -> Callable[[Any], Any]:

@@ -731,13 +731,18 @@ mod tests {
             }
         }
 
-        fn solve(&mut self, lo: &[f64], hi: &[f64]) -> (Outcome, Vec<f64>) {
-            let (len, r) = (self.A.nrows(), self.A.ncols());
+        /// Padded bounds, z* = 0, and room for z and its window.
+        fn room(&self, lo: &[f64], hi: &[f64]) -> [Vec<f64>; 5] {
+            let (len, r) = (self.A.nrows(), padded(self.A.ncols()));
             let (mut lo, mut hi) = (lo.to_vec(), hi.to_vec());
             lo.resize(len, -INF);
             hi.resize(len, INF);
-            let free = vec![0.0; padded(r)];
-            let (mut z, mut w) = (vec![0.0; padded(r)], vec![0.0; len]);
+            [lo, hi, vec![0.0; r], vec![0.0; r], vec![0.0; len]]
+        }
+
+        fn solve(&mut self, lo: &[f64], hi: &[f64]) -> (Outcome, Vec<f64>) {
+            let r = self.A.ncols();
+            let [lo, hi, free, mut z, mut w] = self.room(lo, hi);
             let (mut kept, mut memory) = (std::mem::take(&mut self.kept), std::mem::take(&mut self.memory));
             let outcome = self.problem(&lo, &hi, &free, Trust::CERTAIN).solve(&mut kept, &mut memory, &mut z, &mut w);
             (self.kept, self.memory) = (kept, memory);
@@ -751,12 +756,8 @@ mod tests {
 
         /// What the way out finds.
         fn way_out(&self, lo: &[f64], hi: &[f64]) -> (Status, Vec<f64>) {
-            let (len, r) = (self.A.nrows(), self.A.ncols());
-            let (mut lo, mut hi) = (lo.to_vec(), hi.to_vec());
-            lo.resize(len, -INF);
-            hi.resize(len, INF);
-            let free = vec![0.0; padded(r)];
-            let (mut z, mut w) = (vec![0.0; padded(r)], vec![0.0; len]);
+            let r = self.A.ncols();
+            let [lo, hi, free, mut z, mut w] = self.room(lo, hi);
             let (status, _) = way_out(&self.problem(&lo, &hi, &free, Trust::CERTAIN), &mut z, &mut w);
             z.truncate(r);
             (status, z)

@@ -158,14 +158,10 @@ fn stationary(blocks: &[Block], spread: &[f64], fixed: Option<&[f64]>) -> Mat<f6
         let mut next = Mat::zeros(n, n);
         for Block { C, Xi, share } in blocks {
             let ridge = |i: usize, j: usize| match fixed {
-                Some(R) => {
-                    if i == j {
-                        R[i]
-                    } else {
-                        0.0
-                    }
-                }
-                None => P[(i, j)] + if i == j { 1e-14 * spread[i].powi(2) } else { 0.0 },
+                Some(R) if i == j => R[i],
+                Some(_) => 0.0,
+                None if i == j => P[(i, j)] + 1e-14 * spread[i].powi(2),
+                None => P[(i, j)],
             };
             let G = Mat::from_fn(n, n, |i, j| C[(i, j)] + ridge(i, j));
             let K = G.partial_piv_lu().solve(C.submatrix(0, n, n, n));

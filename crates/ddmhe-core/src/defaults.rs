@@ -27,8 +27,7 @@ use crate::config::Config;
 use crate::error::Error;
 use crate::history::History;
 use crate::space::{self, Penalty, Scaling, Selection};
-use faer::Mat;
-use faer::linalg::solvers::SolveLstsq;
+use crate::variation::{fifth_differences, one_step};
 
 /// λ / (f μ).
 const WEIGHT: f64 = 0.03;
@@ -76,11 +75,11 @@ impl Defaults {
     /// `rest` is a known equilibrium (x_e, y_e); on a noisy recording it counts as part of the data, as in
     /// [`space`].
     pub fn new(history: &History, scaling: &Scaling, rest: Option<(&[f64], &[f64])>) -> Self {
-        let [f_x, f_y] = misfit(history, scaling, None);
+        let [f_x, f_y] = misfit(&scaling.one_step, scaling);
         let [noise_x, noise_y] = relative_noise(history, scaling);
         // Noise leaves a residual *and* fifth differences; curvature alone leaves one of the two.
         let noisy = noise_x.min(f_x.sqrt()).max(noise_y.min(f_y.sqrt())) > NOISY;
-        let [f_x, f_y] = if noisy && rest.is_some() { misfit(history, scaling, rest) } else { [f_x, f_y] };
+        let [f_x, f_y] = if noisy && rest.is_some() { misfit(&one_step(history, rest), scaling) } else { [f_x, f_y] };
         let misfit = f_x.max(f_y);
         // With one recording of T outputs: 0.6 T. Seams cost windows, and so shorten the horizon.
         let enough = ((1.0 - HORIZON.1) * history.T() as f64).ceil() as usize;
@@ -132,9 +131,9 @@ impl Defaults {
 
 /// Shares of the variance of x(k+1) and of y(k) that an affine function of x(k) leaves unexplained: pooled over the channels of one
 /// unit, at most 1, then averaged over the channels that move.
-fn misfit(history: &History, scaling: &Scaling, rest: Option<(&[f64], &[f64])>) -> [f64; 2] {
-    let n = history.n();
-    let channels = one_step(history, rest);
+/// `channels`: of [`one_step`] (n + p).
+fn misfit(channels: &[[f64; 2]], scaling: &Scaling) -> [f64; 2] {
+    let n = scaling.s_x.len();
     let [x, y] = &scaling.moved;
     [(0, &scaling.groups_x, x), (n, &scaling.groups_y, y)].map(|(first, groups, moved)| {
         let groups: Vec<&Vec<usize>> = groups.iter().filter(|group| moved[group[0]]).collect();
@@ -145,46 +144,6 @@ fn misfit(history: &History, scaling: &Scaling, rest: Option<(&[f64], &[f64])>) 
         };
         groups.iter().map(share).sum::<f64>() / groups.iter().map(|group| group.len()).sum::<usize>().max(1) as f64
     })
-}
-
-/// Of each channel of x(k+1) and of y(k) (n + p): the variance that an affine function of x(k) leaves unexplained, corrected for its
-/// n + 1 degrees of freedom, and the variance itself. A rest counts as often as in the space.
-pub(crate) fn one_step(history: &History, rest: Option<(&[f64], &[f64])>) -> Vec<[f64; 2]> {
-    let (n, p) = (history.n(), history.p());
-    let mut regressor: Vec<&[f64]> = Vec::new(); // x(k)
-    let mut target: Vec<[&[f64]; 2]> = Vec::new(); // x(k+1), y(k)
-    for i in 0..history.recordings() {
-        let x: Vec<&[f64]> = history.states(i).chunks_exact(n).collect();
-        target.extend(x[1..].iter().zip(history.outputs(i).chunks_exact(p)).map(|(x, y)| [*x, y]));
-        regressor.extend(&x[..x.len() - 1]);
-    }
-    let recorded = regressor.len();
-    if let Some((x, y)) = rest {
-        for _ in 0..space::copies(regressor.len()) {
-            regressor.push(x);
-            target.push([x, y]);
-        }
-    }
-    let samples = regressor.len();
-    if samples <= n + 1 {
-        return vec![[1.0; 2]; n + p]; // no degree of freedom is left to tell noise from motion
-    }
-    // Centred columns: the ones column is taken care of, and large offsets cost no digits.
-    let X = centred(Mat::from_fn(samples, n, |i, j| regressor[i][j]));
-    let Y = centred(Mat::from_fn(samples, n + p, |i, j| if j < n { target[i][0][j] } else { target[i][1][j - n] }));
-    let residual = &Y - &X * X.col_piv_qr().solve_lstsq(&Y);
-    // The variance is that of the recording alone: it is what scales the space.
-    let Y = centred(Y.submatrix(0, 0, recorded, n + p).to_owned());
-    let mean_square = |M: &Mat<f64>, column: usize, count: usize| M.col(column).squared_norm_l2() / count as f64;
-    (0..n + p).map(|j| [mean_square(&residual, j, samples - n - 1), mean_square(&Y, j, recorded)]).collect()
-}
-
-fn centred(mut M: Mat<f64>) -> Mat<f64> {
-    for j in 0..M.ncols() {
-        let mean = M.col(j).iter().sum::<f64>() / M.nrows() as f64;
-        M.col_mut(j).iter_mut().for_each(|v| *v -= mean);
-    }
-    M
 }
 
 /// Noise of x and of y as fifth differences show it, relative to the deviations of each unit; root mean square over channels.
@@ -200,24 +159,4 @@ fn relative_noise(history: &History, scaling: &Scaling) -> [f64; 2] {
         level(History::states, &scaling.unit_x, &scaling.groups_x),
         level(History::outputs, &scaling.unit_y, &scaling.groups_y),
     ]
-}
-
-/// Variance of the noise on one channel of a signal, (its number, how many there are): Δ⁵ of white noise of variance σ² has variance
-/// (1 + 25 + 100 + 100 + 25 + 1) σ² = 252 σ², and Δ⁵ of a smooth signal is next to nothing. 0 where no recording is long enough.
-pub(crate) fn fifth_differences(
-    history: &History,
-    signal: fn(&History, usize) -> &[f64],
-    channel: (usize, usize),
-) -> f64 {
-    const DELTA: [f64; 6] = [-1.0, 5.0, -10.0, 10.0, -5.0, 1.0];
-    let (i, width) = channel;
-    let (mut squares, mut count) = (0.0, 0.0_f64);
-    for r in 0..history.recordings() {
-        let s = signal(history, r);
-        for k in (i..s.len().saturating_sub(5 * width)).step_by(width) {
-            squares += DELTA.iter().enumerate().map(|(j, c)| c * s[k + j * width]).sum::<f64>().powi(2);
-            count += 1.0;
-        }
-    }
-    squares / count.max(1.0) / 252.0
 }

@@ -77,6 +77,7 @@ pub mod space;
 mod surplus;
 pub mod tol;
 pub mod validation;
+mod variation;
 mod watch;
 mod way_out;
 mod weights;

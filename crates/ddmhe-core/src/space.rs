@@ -29,10 +29,10 @@
 //! recording hardly excited are not ill-conditioned. With a weight they are a = √N z, of unit variance over the
 //! recording, the basis is U S/√N and ‖α‖² = (1 + ‖a‖²)/N.
 
-use crate::defaults::{fifth_differences, one_step};
 use crate::error::Error;
 use crate::history::History;
 use crate::tol;
+use crate::variation::{copies, fifth_differences, one_step};
 use faer::{Mat, MatRef};
 use serde::{Deserialize, Serialize};
 
@@ -110,6 +110,8 @@ pub struct Scaling {
     pub(crate) unit_y: Vec<f64>,
     /// Variance of the noise on each output channel from fifth differences, at least 1e-10 of the channel's variance.
     pub(crate) noise_y: Vec<f64>,
+    /// What an affine step from the state before leaves of each channel of x and y, and its variance.
+    pub(crate) one_step: Vec<[f64; 2]>,
     /// Numbers of the channels of each unit.
     pub(crate) groups_x: Vec<Vec<usize>>,
     pub(crate) groups_y: Vec<Vec<usize>>,
@@ -135,14 +137,14 @@ impl Scaling {
         if !x.moved.contains(&true) {
             return Err(Error::rank("history", "a state x that changes", "the same x in every sample"));
         }
+        let p = history.p();
+        let differences: Vec<f64> = (0..p).map(|i| fifth_differences(history, History::outputs, (i, p))).collect();
         let noise = |floor: f64| -> Vec<f64> {
-            let of = |(i, variance): (usize, &f64)| {
-                fifth_differences(history, History::outputs, (i, history.p())).max(floor * variance)
-            };
-            y.variance.iter().enumerate().map(of).collect()
+            differences.iter().zip(&y.variance).map(|(noise, variance)| noise.max(floor * variance)).collect()
         };
         // What is left of a state when the one before is known, and its spread: the prior is between the two.
-        let left: Vec<f64> = one_step(history, None).iter().map(|[unexplained, _]| *unexplained).collect();
+        let one_step = one_step(history, None);
+        let left: Vec<f64> = one_step.iter().map(|[unexplained, _]| *unexplained).collect();
         let left = shared(&left[..history.n()], &groups_x);
         let between = |(left, spread): (f64, f64)| (left.max(LEAST.0 * spread) * spread).sqrt();
         let squares: Vec<f64> = left.into_iter().zip(shared(&x.variance, &groups_x)).map(between).collect();
@@ -150,6 +152,7 @@ impl Scaling {
             s_x: x.scales(&squares),
             s_y: y.scales(&shared(&noise(LEAST.1), &groups_y)),
             noise_y: noise(LEAST.0),
+            one_step,
             mean_x: x.mean,
             mean_y: y.mean,
             unit_x: x.unit,
@@ -375,11 +378,6 @@ impl<'a> WindowStack<'a> {
         let R = upper(stacked.as_ref(), 1 + d);
         select(R.as_ref(), depth, windows, self.scaling.rounding(windows, depth), selection)
     }
-}
-
-/// How often a known rest counts beside `recorded` windows.
-pub(crate) fn copies(recorded: usize) -> usize {
-    (3 * recorded / 10).max(2)
 }
 
 /// The triangular factor of a QR decomposition, min(rows, columns) × columns, zeros below the diagonal.

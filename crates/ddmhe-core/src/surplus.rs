@@ -16,7 +16,7 @@
 //! bounds, from y = 0. Where the first answer stands on a bound or, by rounding, beyond it, the
 //! bound is moved to where it stands.
 
-use crate::active_set::{Kept, Problem, Rows, Trust, Windows};
+use crate::active_set::{Kept, Problem, Rows, Trust, Windows, work_len};
 use crate::panels::padded;
 use crate::qp::Status;
 use crate::tol;
@@ -61,7 +61,7 @@ impl<W: Windows> Windows for Unseen<'_, W> {
 impl Surplus {
     /// From the rows of the window and K.
     pub fn new(rows: &Rows, K: Mat<f64>) -> Self {
-        let (len, r, q) = (rows.len(), rows.r(), K.ncols());
+        let (len, r) = (rows.len(), rows.r());
         let A = Mat::from_fn(len, r, |i, j| rows.entry(i, j));
         let AK = &A * &K;
         let across = &A - &AK * K.transpose();
@@ -73,7 +73,6 @@ impl Surplus {
         let ratio = size(&across) / size(&AK);
         let stretch = if ratio.is_finite() && ratio > 0.0 { ratio / tol::PROXIMAL } else { 1.0 / tol::PROXIMAL };
         let all = &across + &AK * K.transpose() * faer::Scale(stretch);
-        debug_assert_eq!(AK.ncols(), q);
         Surplus {
             first: Rows::new(all.as_ref(), rows.offset().to_vec(), rows.unit().to_vec()),
             second: Rows::new(AK.as_ref(), vec![0.0; len], rows.unit().to_vec()),
@@ -188,7 +187,7 @@ impl Surplus {
             windows: &windows,
             trust: Trust::CERTAIN,
         };
-        let mut memory = vec![0.0; crate::active_set::work_len(q)];
+        let mut memory = vec![0.0; work_len(q)];
         let (status, changes) = decide(&least, (&mut Kept::default(), &mut memory), &mut y, &mut moved);
         if matches!(status, Status::Optimal | Status::AlmostOptimal) {
             z[..r].copy_from_slice(&self.moved(&seen, &y[..q]));

@@ -65,12 +65,11 @@ impl Watch {
                      the states"
                 ));
             }
-            let jumps = channel.wrapped("output");
+            words.extend(channel.wrapped("output"));
+            let usual = channel.usual(f64::INFINITY);
             // a channel that leapt as far in the recording may do so again
             let mut ranges = channel.ranges();
-            ranges.retain(|(turn, _)| channel.usual(f64::INFINITY) <= STEP * turn);
-            words.extend(jumps);
-            let usual = channel.usual(f64::INFINITY);
+            ranges.retain(|(turn, _)| usual <= STEP * turn);
             let margin = |turn: f64| turn - (2.0 * usual).max(10.0 * SLACK * turn);
             watch.jump.push(ranges.iter().map(|r| margin(r.0)).fold(f64::INFINITY, f64::min));
             watch.ranges.push(ranges);
