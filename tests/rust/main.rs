@@ -6,6 +6,7 @@ mod certificate;
 mod inputs;
 mod intervals;
 mod linear;
+mod reset;
 mod snapshots;
 mod space;
 mod systems;

@@ -287,6 +287,26 @@ impl ErrorBound {
         self.errors.extend_from_slice(errors);
     }
 
+    /// The states in memory are no estimates any more.
+    pub fn forget_all(&mut self) {
+        self.errors.fill(f64::INFINITY);
+    }
+
+    /// The states in memory but the newest are others now.
+    pub fn forget_past(&mut self) {
+        if let [past @ .., _] = &mut self.errors[..] {
+            past.fill(f64::INFINITY);
+        }
+    }
+
+    /// The newest state in memory was moved.
+    pub fn moved(&mut self, by: impl Fn(usize) -> f64) {
+        let (x, _) = self.room.split_at_mut(self.n);
+        x.iter_mut().enumerate().for_each(|(i, x)| *x = by(i));
+        let far = norm(&self.U_P, x);
+        self.errors.last_mut().into_iter().for_each(|error| *error += far);
+    }
+
     /// Forgets the oldest state.
     pub fn forget(&mut self) {
         self.errors.remove(0);

@@ -4,6 +4,7 @@ use crate::certificate::{Certificate, Disturbance};
 use crate::error::Error;
 use crate::history::{History, check_finite};
 use crate::space::Space;
+use crate::tol;
 use serde::{Deserialize, Serialize};
 
 /// A box lo ≤ · ≤ hi; infinite entries are no bounds.
@@ -186,7 +187,7 @@ pub(crate) fn check_box(argument: &'static str, bounds: &Bounds, lengths: &[usiz
         }
     }
     for (i, (&lo, &hi)) in bounds.lo.iter().zip(&bounds.hi).enumerate() {
-        let crossed = !(lo <= hi) || lo == f64::INFINITY || hi == f64::NEG_INFINITY;
+        let crossed = !(lo <= hi) || lo > tol::BOUND || hi < -tol::BOUND;
         if crossed {
             return Err(Error::value(
                 argument,

@@ -36,7 +36,11 @@ impl Design {
     pub fn new(history: &History, config: &Config) -> Result<Self, Error> {
         validate(history, config)?;
         let scaling = Scaling::new(history)?;
+        check_sizes(&scaling)?;
+        check_reach("x_prior", &scaling, config.x_prior.as_deref().unwrap_or(&[]), &[])?;
         let rest = config.equilibrium.as_ref().map(|(x, y)| (&x[..], &y[..]));
+        let (x_e, y_e) = rest.unwrap_or_default();
+        check_reach("equilibrium", &scaling, x_e, y_e)?;
         let rule = Defaults::new(history, &scaling, rest);
         Design::by(history, config, scaling, rule)
     }
@@ -45,6 +49,7 @@ impl Design {
     fn by(history: &History, config: &Config, scaling: Scaling, rule: Defaults) -> Result<Self, Error> {
         let rest = config.equilibrium.as_ref().map(|(x, y)| (&x[..], &y[..]));
         let weights = Weights::new(config, &rule, &scaling)?;
+        check_weights(&weights, config, &scaling)?;
         let horizon = rule.horizon_for(config)?;
         check_excitation(history, horizon)?;
 
@@ -142,6 +147,56 @@ fn too_little(history: &History, config: &Config, rule: &Defaults, horizon: usiz
             needed,
         )
     })
+}
+
+/// Numbers whose squares and quotients are numbers too.
+fn check_sizes(scaling: &Scaling) -> Result<(), Error> {
+    let (least, most) = tol::SIZES;
+    for (name, s, mean) in [("x", &scaling.s_x, &scaling.mean_x), ("y", &scaling.s_y, &scaling.mean_y)] {
+        let wrong = |what: &str, found: f64| {
+            let expected = format!("{name} with {what} (in other units, if need be)");
+            Err(Error::value("history", expected, found))
+        };
+        if let Some(&s) = s.iter().find(|s| !(least..=most).contains(*s)) {
+            return wrong(&format!("standard deviations between {least:e} and {most:e}"), s);
+        }
+        if let Some(&mean) = mean.iter().find(|mean| !(mean.abs() <= most)) {
+            return wrong(&format!("means up to {most:e}"), mean);
+        }
+    }
+    Ok(())
+}
+
+/// Weights that leave something of both terms of (17).
+fn check_weights(weights: &Weights, config: &Config, scaling: &Scaling) -> Result<(), Error> {
+    let (least, most) = tol::SIZES;
+    let [of_a_state, of_an_output] = weights.out_of_size();
+    let Some(found) = of_a_state.or(of_an_output) else { return Ok(()) };
+    if config.certificate.is_some() {
+        let expected = format!("P and R in units of the recording's deviations between {least:e} and {most:e}");
+        return Err(Error::value("certificate", expected, found));
+    }
+    if of_a_state.is_some() {
+        let expected = "states in units less far apart, or \"scaled\"";
+        return Err(Error::value("weights", expected, format!("\"paper\" and a weight of {found:e}")));
+    }
+    let paper = config.weighting() == Weighting::Paper;
+    let of_mu = |s: &f64| if paper { s * s / weights.unit } else { 1.0 };
+    let (low, high) = scaling.s_y.iter().map(of_mu).fold((f64::MAX, 0.0_f64), |(l, h), s| (l.min(s), h.max(s)));
+    let expected = format!("between {:.1e} and {:.1e} for this recording", least / low, most / high);
+    Err(Error::value("mu", expected, config.mu.unwrap_or(found)))
+}
+
+/// A state or an output (either may be empty) that is not beyond [`MEASURABLE`](tol::MEASURABLE).
+pub(crate) fn check_reach(argument: &'static str, scaling: &Scaling, x: &[f64], y: &[f64]) -> Result<(), Error> {
+    match scaling.deviations(x, y).position(|v| !(v.abs() <= tol::MEASURABLE)) {
+        None => Ok(()),
+        Some(k) => {
+            let expected =
+                format!("at most {:.1e} standard deviations of the recording from its mean", tol::MEASURABLE);
+            Err(Error::value(argument, expected, if k < x.len() { x[k] } else { y[k - x.len()] }))
+        }
+    }
 }
 
 /// What a user should know about these settings, in words.

@@ -10,7 +10,8 @@ pub struct Estimate {
     pub x: Vec<f64>,
     /// The whole estimated window x̂(t-M_t|t) … x̂(t|t), (M_t+1)·n, oldest first.
     pub window: Vec<f64>,
-    /// Fitted noise v̂(t-M_t|t) … v̂(t-1|t), M_t·p; NaN where nothing was measured.
+    /// Fitted noise v̂(t-M_t|t) … v̂(t-1|t), M_t·p; NaN where nothing was measured, or where the output was
+    /// left out (see [`DdMhe::step`](crate::DdMhe::step)).
     pub v: Vec<f64>,
     /// Cost (17) at the estimate (a weight on ‖α‖² is not part of it).
     pub cost: f64,

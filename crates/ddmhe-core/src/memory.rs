@@ -2,7 +2,9 @@
 
 use crate::active_set::work_len;
 use crate::panels::padded;
+use crate::tol;
 use crate::window::Scratch;
+use std::ops::Range;
 
 /// The last samples of a signal, contiguous in memory: the window slides through a longer stretch and moves back to its
 /// beginning once at the end of it, so that a step costs no shift.
@@ -17,14 +19,14 @@ struct Slide {
 
 impl Slide {
     #[inline]
-    fn window(&self) -> std::ops::Range<usize> {
+    fn window(&self) -> Range<usize> {
         let first = self.at + self.start * self.width;
         first..first + self.len * self.width
     }
 
     /// Where the next sample goes.
     #[inline]
-    fn next(&mut self, block: &mut [f64]) -> std::ops::Range<usize> {
+    fn next(&mut self, block: &mut [f64]) -> Range<usize> {
         if self.start + self.len == self.room {
             block.copy_within(self.window(), self.at);
             self.start = 0;
@@ -63,6 +65,7 @@ pub(crate) struct Memory {
     outputs: Slide,
     states: Slide,
     missing: usize, // NaN in the window
+    aside: usize,   // where the outputs are kept that were set aside
     sizes: Sizes,
     scratch: usize, // where the room begins
 }
@@ -79,7 +82,8 @@ impl Memory {
             block: padded(p * p),
             moved: padded(n),
         };
-        let scratch = padded(room * p) + padded(room * n);
+        let aside = padded(room * p) + padded(room * n);
+        let scratch = aside + padded(depth * p);
         let Sizes { rank, window, outputs, metric, block, moved } = sizes;
         let len = scratch + 2 * rank + 3 * window + outputs + metric + block + moved + work_len(r);
         let slide = |at, width| Slide { at, width, room, start: 0, len: 0 };
@@ -88,12 +92,15 @@ impl Memory {
             outputs: slide(0, p),
             states: slide(padded(room * p), n),
             missing: 0,
+            aside,
             sizes,
             scratch,
         }
     }
 
+    /// As new.
     pub fn clear(&mut self) {
+        self.block.fill(0.0);
         self.outputs.clear();
         self.states.clear();
         self.missing = 0;
@@ -121,13 +128,70 @@ impl Memory {
         self.missing > 0
     }
 
+    /// An entry beyond [`MEASURABLE`](tol::MEASURABLE) counts as not measured. Returns how many do.
     #[inline]
-    pub fn push_output(&mut self, y: impl Iterator<Item = f64>) {
+    pub fn push_output(&mut self, y: impl Iterator<Item = f64>) -> usize {
         let at = self.outputs.next(&mut self.block);
+        let mut missing = 0;
         for (slot, y) in self.block[at].iter_mut().zip(y) {
-            *slot = y;
-            self.missing += usize::from(y.is_nan());
+            let within = y.abs() <= tol::MEASURABLE;
+            *slot = if within { y } else { f64::NAN };
+            missing += usize::from(!within);
         }
+        self.missing += missing;
+        missing
+    }
+
+    /// Whether nothing was measured in these samples of the window.
+    pub fn silent(&self, samples: Range<usize>) -> bool {
+        let p = self.outputs.width;
+        self.outputs()[samples.start * p..samples.end * p].iter().all(|y| y.is_nan())
+    }
+
+    /// The sample of the window with the output that is furthest from the recording's mean.
+    pub fn furthest(&self) -> usize {
+        let far = |(k, y): (usize, &f64)| (if y.is_nan() { 0.0 } else { y.abs() }, k);
+        let most = self.outputs().iter().enumerate().map(far).max_by(|a, b| a.0.total_cmp(&b.0));
+        most.map_or(0, |(_, k)| k / self.outputs.width)
+    }
+
+    /// From now on these samples of the window count as not measured; [`take_back`](Self::take_back) undoes it.
+    pub fn set_aside(&mut self, samples: Range<usize>) {
+        let (p, window) = (self.outputs.width, self.outputs.window());
+        self.block.copy_within(window.clone(), self.aside);
+        self.block[window.start + samples.start * p..window.start + samples.end * p].fill(f64::NAN);
+        self.count_missing();
+    }
+
+    /// The outputs as they were when some were [set aside](Self::set_aside).
+    pub fn take_back(&mut self) {
+        let window = self.outputs.window();
+        self.block.copy_within(self.aside..self.aside + window.len(), window.start);
+        self.count_missing();
+    }
+
+    /// A window that nothing is known of: the recording's mean state throughout, and no output.
+    pub fn forget_all(&mut self) {
+        let (outputs, states) = (self.outputs.window(), self.states.window());
+        self.block[outputs].fill(f64::NAN);
+        self.block[states].fill(0.0);
+        self.count_missing();
+    }
+
+    fn count_missing(&mut self) {
+        self.missing = self.outputs().iter().filter(|y| y.is_nan()).count();
+    }
+
+    /// Another newest state, as scaled deviations.
+    pub fn replace_newest(&mut self, x: impl Iterator<Item = f64>) {
+        let window = self.states.window();
+        self.block[window.end - self.states.width..window.end].iter_mut().zip(x).for_each(|(slot, x)| *slot = x);
+    }
+
+    /// Other states for those of the window, as scaled deviations.
+    pub fn replace_states(&mut self, states: impl Iterator<Item = f64>) {
+        let at = self.states.window();
+        self.block[at].iter_mut().zip(states).for_each(|(slot, x)| *slot = x);
     }
 
     #[inline]
@@ -145,6 +209,13 @@ impl Memory {
         }
         self.outputs.forget();
         self.states.forget();
+    }
+
+    /// The window that a step found, as it lies in the room for it.
+    #[inline]
+    pub fn answer(&self) -> &[f64] {
+        let first = self.scratch + 2 * self.sizes.rank;
+        &self.block[first..first + self.sizes.window]
     }
 
     /// The window's states and outputs, and the room for a step.

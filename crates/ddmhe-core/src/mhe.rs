@@ -3,17 +3,29 @@
 //! At time t the window is y(t-M_t) … y(t-1) with M_t = min(t, M); the estimate is x̂(t), made from outputs up to
 //! y(t-1). The prior x̄(t-M_t) is x̄(0) while the window grows and afterwards the estimate made at that time
 //! (filtering update).
+//!
+//! *Where there is no minimiser.* An entry of y that is more than 1/ε deviations from the recording is one that cannot be computed
+//! with: it counts as not measured, now and later, and the status of its step is [`Status::Failed`]. If no window satisfies all
+//! bounds and the noise is bounded, the newest output is one that no admissible window explains: it is left out in the same way, and
+//! the estimate is that of the other outputs, within all bounds; its status stays [`Status::Infeasible`]. Where the three samples
+//! before it say nothing (they were left out, or lost) it is believed instead, the older ones are left out, and the past estimates
+//! are those of this window. A window whose answer cannot be computed loses the output furthest out, or the newest. Where none of
+//! that helps, the box is at fault: what is handed out is the minimiser without bounds, its states moved into the box in force, and
+//! x̄ of later steps is that estimate in the configured box alone: a box of one step is not remembered. An estimate that is
+//! itself beyond 1/ε deviations is none: the window starts again from the recording's mean and from no output.
 
 use crate::active_set::{Kept, Side};
 use crate::certificate::ErrorBound;
 use crate::config::{Bounds, Config, Settings, check_box, check_measured, check_output, check_vector};
-use crate::design::{Design, filled};
+use crate::design::{Design, check_reach, filled};
 use crate::error::Error;
 use crate::estimate::{Estimate, Log};
 use crate::history::{History, check_finite};
 use crate::memory::Memory;
+use crate::qp::Status;
+use crate::tol;
 use crate::watch::Seen;
-use crate::window::Data;
+use crate::window::{Data, Found, Scratch, WindowProblem};
 use std::sync::Arc;
 
 /// The estimator. A copy continues on its own from the same window and shares everything that was computed at construction.
@@ -63,11 +75,13 @@ impl DdMhe {
             design: Arc::new(design),
             config,
         };
-        mhe.restart();
+        mhe.restart(None);
         Ok(mhe)
     }
 
-    /// Consumes y(t-1) (p numbers, NaN = this entry was not measured) and returns the estimate x̂(t).
+    /// Consumes y(t-1) (p numbers, NaN = this entry was not measured) and returns the estimate x̂(t). Whatever its status, x and the
+    /// window are finite and, unless the status is optimal, exactly inside the box on the states; see the head of this module for
+    /// what they then are, and for what later steps take for x̄.
     ///
     /// # Errors
     /// [`Error::Shape`] or [`Error::NotFinite`] (infinite entry); the estimator is then unchanged.
@@ -86,13 +100,13 @@ impl DdMhe {
             let n = self.design.history.n();
             check_box("x_bounds", bounds, &[n, (self.next_depth() + 1) * n])?;
         }
-        self.advance(y, x_bounds)
+        Ok(self.advance(y, x_bounds))
     }
 
     /// All steps of a log `ys` (N·p, time-major): the same numbers as N calls of [`step`](Self::step).
     ///
     /// # Errors
-    /// As [`step`](Self::step); the whole log is checked first, so a bad row leaves the estimator unchanged.
+    /// As [`step`](Self::step); the whole log is checked first, so a bad row leaves the estimator unchanged. Nothing errs after that.
     pub fn run(&mut self, ys: &[f64]) -> Result<Log, Error> {
         let p = self.design.history.p();
         if !ys.len().is_multiple_of(p) {
@@ -101,7 +115,7 @@ impl DdMhe {
         check_measured("Y", ys, p)?;
         let mut log = Log::default();
         for y in ys.chunks_exact(p) {
-            let estimate = self.advance(y, None)?;
+            let estimate = self.advance(y, None);
             log.x.extend_from_slice(&estimate.x);
             log.cost.push(estimate.cost);
             log.status.push(estimate.status);
@@ -112,16 +126,16 @@ impl DdMhe {
         Ok(log)
     }
 
-    /// Back to t = 0, with another prior x̄(0) (n) if given.
+    /// Back to t = 0 as a new estimator, with another prior x̄(0) (n) if given: without one, that of the configuration.
     ///
     /// # Errors
     /// [`Error::Shape`] or [`Error::NotFinite`] for `x_prior`.
     pub fn reset(&mut self, x_prior: Option<&[f64]>) -> Result<(), Error> {
         if let Some(x) = x_prior {
             check_vector("x_prior", x, self.design.history.n())?;
-            self.config.x_prior = Some(x.to_vec());
+            check_reach("x_prior", &self.design.scaling, x, &[])?;
         }
-        self.restart();
+        self.restart(x_prior);
         Ok(())
     }
 
@@ -244,20 +258,21 @@ impl DdMhe {
         Ok(())
     }
 
-    fn restart(&mut self) {
+    /// The state of a new estimator; nothing of what was before may reach a later number.
+    fn restart(&mut self, x_prior: Option<&[f64]>) {
         let design = Arc::clone(&self.design);
         let (history, scaling) = (&design.history, &design.scaling);
         let (n, p) = (history.n(), history.p());
         self.t = 0;
         self.estimate = Estimate::default();
         self.seen = design.watch.start();
-        self.kept.clear();
+        self.kept = Kept::default();
         self.reserve();
         let last = history.recordings() - 1;
         let filled = filled(history, &self.config, design.settings.horizon);
         let (x, y) = (history.states(last), history.outputs(last));
         let mut states = x[x.len() - (filled + 1) * n..].to_vec();
-        if let Some(prior) = &self.config.x_prior {
+        if let Some(prior) = x_prior.or(self.config.x_prior.as_deref()) {
             states[filled * n..].copy_from_slice(prior);
         }
         let outputs = y[y.len() - filled * p..].chunks_exact(p).flat_map(|y| scaling.deviations(&[], y));
@@ -292,10 +307,9 @@ impl DdMhe {
         }
     }
 
-    /// One pass of Algorithm 1's loop, on checked input.
-    fn advance(&mut self, y: &[f64], x_bounds: Option<&Bounds>) -> Result<&Estimate, Error> {
-        let depth = self.next_depth();
-        if self.memory.depth() == depth {
+    /// One pass of Algorithm 1's loop, on checked input: nothing can go wrong that is not a status.
+    fn advance(&mut self, y: &[f64], x_bounds: Option<&Bounds>) -> &Estimate {
+        if self.memory.depth() == self.next_depth() {
             self.memory.forget();
             if let Some(bound) = &mut self.bound {
                 bound.forget();
@@ -303,36 +317,160 @@ impl DdMhe {
         } else {
             self.kept.clear(); // rows have other places in a window of another depth
         }
-        self.memory.push_output(self.design.scaling.deviations(&[], y));
-        let (design, estimate) = (&*self.design, &mut self.estimate);
-        let n = design.history.n();
-        let missing = self.memory.missing();
-        let (states, outputs, mut scratch) = self.memory.parts();
-        let data = Data { prior: &states[..n], outputs, missing, x_bounds };
-        estimate.v.resize(outputs.len(), 0.0);
-        let problem = &design.problems[depth - design.first];
+        let missing = self.memory.push_output(self.design.scaling.deviations(&[], y));
+        let mut found = self.minimise(x_bounds);
+        let anew = found.status != Status::Optimal && self.reconsider(&mut found, x_bounds);
+        if missing > 0 && missing > y.iter().filter(|y| y.is_nan()).count() {
+            found.status = Status::Failed; // an output that cannot be computed with
+        }
+        self.hand_out(found);
+        if found.status != Status::Optimal {
+            self.confine(x_bounds, anew);
+        }
+        self.t += 1;
+        self.design.watch.note(&mut self.seen, y, self.t);
+        &self.estimate
+    }
+
+    /// The minimiser over the window in memory, into the scratch, and its fitted noise into the estimate.
+    #[inline(always)]
+    fn minimise(&mut self, x_bounds: Option<&Bounds>) -> Found {
+        let (design, v) = (&*self.design, &mut self.estimate.v);
+        let (problem, data, mut scratch) = window(design, &mut self.memory, x_bounds);
+        v.resize(data.outputs.len(), 0.0);
         let (weights, limits) = (&design.weights, &design.limits);
-        let found = match problem.solve(weights, limits, &data, (&mut self.kept, &mut scratch), &mut estimate.v) {
+        match problem.solve(weights, limits, &data, (&mut self.kept, &mut scratch), v) {
             Some(found) => found,
             None => design
-                .without_missing(problem, outputs)?
-                .solve(weights, limits, &data, (&mut self.kept, &mut scratch), &mut estimate.v)
-                .unwrap_or_default(),
-        };
+                .without_missing(problem, data.outputs)
+                .ok()
+                .and_then(|problem| problem.solve(weights, limits, &data, (&mut self.kept, &mut scratch), v))
+                .unwrap_or_else(|| problem.rest(weights, &data, &mut scratch, v)),
+        }
+    }
 
+    /// The same of a window that was changed.
+    #[cold]
+    fn minimise_again(&mut self, x_bounds: Option<&Bounds>) -> Found {
+        self.kept.clear();
+        self.minimise(x_bounds)
+    }
+
+    /// The estimate from the scratch, and its x̂(t) into memory.
+    #[inline]
+    fn hand_out(&mut self, found: Found) {
+        let (design, estimate) = (&*self.design, &mut self.estimate);
+        let (n, depth) = (design.history.n(), self.memory.depth());
+        let problem = &design.problems[depth - design.first];
         estimate.window.clear();
-        estimate.window.extend(problem.in_user_units(scratch.window));
+        estimate.window.extend(problem.in_user_units(self.memory.answer()));
         let window = &estimate.window;
         estimate.x.clear();
         estimate.x.extend_from_slice(&window[depth * n..]);
         estimate.cost = found.cost;
         (estimate.status, estimate.active, estimate.iterations) = (found.status, found.active, found.iterations);
-        let past = |k: usize| design.scaling.state(k % n, states[k]);
-        estimate.bound =
-            self.bound.as_mut().map(|b| b.advance(window, |k| design.scaling.output(k, outputs[k]), &estimate.v, past));
+        estimate.bound = self.bound.as_mut().map(|bound| {
+            let (states, outputs) = (self.memory.states(), self.memory.outputs());
+            let past = |k: usize| design.scaling.state(k % n, states[k]);
+            bound.advance(window, |k| design.scaling.output(k, outputs[k]), &estimate.v, past)
+        });
         self.memory.push_state(design.scaling.deviations(&estimate.x, &[]));
-        self.t += 1;
-        self.design.watch.note(&mut self.seen, y, self.t);
-        Ok(&self.estimate)
     }
+
+    /// What to make of a window without a minimiser, into the scratch; whether past estimates are to be forgotten.
+    #[cold]
+    fn reconsider(&mut self, found: &mut Found, x_bounds: Option<&Bounds>) -> bool {
+        if found.status == Status::AlmostOptimal {
+            return false;
+        }
+        let status = found.status;
+        let mut anew = false;
+        if status == Status::Failed || self.design.limits.v.is_some() {
+            (*found, anew) = self.doubt(status == Status::Failed, x_bounds);
+        }
+        if !found.sound {
+            self.memory.forget_all();
+            if let Some(bound) = &mut self.bound {
+                bound.forget_all();
+            }
+            *found = self.minimise_again(x_bounds);
+        }
+        if !found.sound {
+            let (problem, data, mut scratch) = window(&self.design, &mut self.memory, x_bounds);
+            *found = problem.rest(&self.design.weights, &data, &mut scratch, &mut self.estimate.v);
+        }
+        found.status = status;
+        anew
+    }
+
+    /// The answer without the outputs that contradict the others: without the newest sample, or, where the
+    /// [`DOUBTS`](tol::DOUBTS) before it say nothing, without all before it (true). Of a window that cannot be computed the sample
+    /// furthest out is the first in doubt. What is doubted counts as not measured from then on; where nothing helps, nothing is.
+    fn doubt(&mut self, failed: bool, x_bounds: Option<&Bounds>) -> (Found, bool) {
+        let newest = self.memory.depth() - 1;
+        let stale = newest >= tol::DOUBTS && self.memory.silent(newest - tol::DOUBTS..newest);
+        let older = if stale && !failed { 0..newest } else { 0..0 };
+        let furthest = if failed { self.memory.furthest() } else { newest };
+        for doubted in [older, furthest..furthest + 1, newest..newest + 1] {
+            if self.memory.silent(doubted.clone()) {
+                continue;
+            }
+            self.memory.set_aside(doubted.clone());
+            let found = self.minimise_again(x_bounds);
+            if found.status == Status::Optimal {
+                return (found, doubted.len() > 1);
+            }
+            self.memory.take_back();
+        }
+        (self.minimise_again(x_bounds), false)
+    }
+
+    /// After a step that is not optimal: what is handed out is moved into the box in force, and what goes on as x̂(t) into the
+    /// configured one, since a box for this step alone says nothing of later ones. With `anew` the estimates of the window's past
+    /// are replaced by the window.
+    #[cold]
+    fn confine(&mut self, x_bounds: Option<&Bounds>, anew: bool) {
+        let n = self.design.history.n();
+        if anew {
+            let past = self.estimate.window.chunks_exact(n);
+            self.memory.replace_states(past.flat_map(|x| self.design.scaling.deviations(x, &[])));
+            if let Some(bound) = &mut self.bound {
+                bound.forget_past();
+            }
+        }
+        self.move_into(None);
+        let Estimate { x, window, .. } = &self.estimate;
+        let inside = &window[window.len() - n..];
+        self.memory.replace_newest(self.design.scaling.deviations(inside, &[]));
+        if let Some(bound) = &mut self.bound {
+            bound.moved(|i| inside[i] - x[i]);
+        }
+        if x_bounds.is_some() {
+            self.move_into(x_bounds);
+        }
+        let Estimate { x, window, bound, .. } = &mut self.estimate;
+        let inside = &window[window.len() - n..];
+        let moved = x.iter().zip(inside).map(|(x, inside)| (x - inside).powi(2)).sum::<f64>().sqrt();
+        *bound = bound.map(|bound| bound + moved);
+        x.copy_from_slice(inside);
+    }
+
+    /// The estimate's window with its states moved into a box; None: the configured one.
+    fn move_into(&mut self, x_bounds: Option<&Bounds>) {
+        let (problem, data, mut scratch) = window(&self.design, &mut self.memory, x_bounds);
+        problem.confine(&self.design.limits, &data, &mut scratch, &mut self.estimate.window);
+    }
+}
+
+/// The problem of the window in memory, its data and room to solve it.
+#[inline(always)]
+fn window<'a>(
+    design: &'a Design,
+    memory: &'a mut Memory,
+    x_bounds: Option<&'a Bounds>,
+) -> (&'a WindowProblem, Data<'a>, Scratch<'a>) {
+    let (depth, missing) = (memory.depth(), memory.missing());
+    let (states, outputs, scratch) = memory.parts();
+    let data = Data { prior: &states[..design.history.n()], outputs, missing, x_bounds };
+    (&design.problems[depth - design.first], data, scratch)
 }

@@ -111,3 +111,17 @@ pub const PROXIMAL_CHANGE: f64 = 1e-11;
 
 /// Multipliers below this, relative to the largest, are an interior point's way of saying 0.
 pub const SUPPORT: f64 = 1e-7;
+
+/// Furthest that an output, a state or a prior may be from the recording's mean, in pooled standard deviations: a double that holds
+/// more has no digit left for one of them.
+pub const MEASURABLE: f64 = 1.0 / f64::EPSILON;
+
+/// Smallest and largest size of what everything else is multiplied with: the recording's numbers and deviations in the user's
+/// units, and weights in scaled ones. Their products with squares of [`MEASURABLE`] neither overflow nor vanish.
+pub const SIZES: (f64, f64) = (1e-60, 1e60);
+
+/// Largest lower and smallest upper bound that a recording of [`SIZES`] may be asked to meet.
+pub const BOUND: f64 = 1e80;
+
+/// Samples without an output in a row after which a new output is believed rather than those before them that it contradicts.
+pub const DOUBTS: usize = 3;

@@ -5,6 +5,7 @@ use crate::config::{Config, Weighting};
 use crate::defaults::Defaults;
 use crate::error::Error;
 use crate::space::Scaling;
+use crate::tol;
 use faer::{Mat, Side};
 use std::borrow::Cow;
 
@@ -84,6 +85,12 @@ impl Weights {
     pub fn mu_as_printed(&self, scaling: &Scaling) -> f64 {
         let channel = |(i, s): (usize, &f64)| self.R[(i, i)] * self.unit / (s * s);
         scaling.s_y.iter().enumerate().map(channel).sum::<f64>() / scaling.s_y.len() as f64
+    }
+
+    /// A weight of a state that is out of [`SIZES`](tol::SIZES), and one of an output.
+    pub fn out_of_size(&self) -> [Option<f64>; 2] {
+        let fits = |w: &f64| (tol::SIZES.0..=tol::SIZES.1).contains(w);
+        [&self.prior, &self.noise].map(|U| U.diagonal().column_vector().iter().map(|u| u * u).find(|w| !fits(w)))
     }
 
     /// √ of the prior's weight in a window of depth m (n × n).

@@ -63,7 +63,8 @@ pub(crate) struct Scratch<'a> {
 #[derive(Debug, Clone, Copy, Default)]
 pub(crate) struct Found {
     pub status: Status,
-    pub cost: f64, // (17)
+    pub sound: bool, // whether what is in the scratch are numbers within reach, whatever the status
+    pub cost: f64,   // (17)
     pub active: usize,
     pub iterations: u32,
 }
@@ -251,9 +252,43 @@ impl WindowProblem {
                 kept.foretell(|row| self.older(row));
                 let found = self.minimise(weights, limits, data, (kept, scratch), v)?;
                 kept.learn(|row| self.older(row));
-                Some(Found { cost: self.cost(weights, data, scratch, v), ..found })
+                let cost = self.cost(weights, data, scratch, v);
+                let sound = cost.is_finite() && self.within_reach(scratch.window);
+                let status = if sound { found.status } else { Status::Failed };
+                Some(Found { status, sound, cost, ..found })
             },
         )
+    }
+
+    /// Whether x̂(t) is a number of at most [`MEASURABLE`](tol::MEASURABLE). What is not finite in z is in every row, so in the cost and
+    /// here; and from a finite z no row overflows, since x̄ and y are within reach as well.
+    #[inline(always)]
+    fn within_reach(&self, window: &[f64]) -> bool {
+        let last = &window[self.shape.depth * self.shape.n..];
+        last.iter().zip(&self.per_s_x).fold(true, |near, (x, per_s)| near & (x.abs() * per_s <= tol::MEASURABLE))
+    }
+
+    /// The mean window in the place of one that cannot be computed.
+    #[cold]
+    pub fn rest(&self, weights: &Weights, data: &Data<'_>, s: &mut Scratch<'_>, v: &mut [f64]) -> Found {
+        s.window[..self.rows.len()].copy_from_slice(self.rows.offset());
+        self.residual(data.outputs, s.window, v);
+        Found { sound: true, cost: self.cost(weights, data, s, v), ..Found::default() }
+    }
+
+    /// Moves the states of a window, in the user's units, into the box in force.
+    #[cold]
+    pub fn confine(&self, limits: &Limits, data: &Data<'_>, s: &mut Scratch<'_>, window: &mut [f64]) {
+        let Some(bounds) = data.x_bounds.or(limits.x.as_ref()) else { return };
+        let (split, len) = (self.split(), bounds.lo.len());
+        if self.center.is_none() {
+            window.iter_mut().enumerate().for_each(|(i, x)| *x = x.max(bounds.lo[i % len]).min(bounds.hi[i % len]));
+            return;
+        }
+        self.box_of_this_step(bounds, s.outputs, data, s.z, (&mut s.lo[..split], &mut s.hi[..split]));
+        for (((x, mean), lo), hi) in window.iter_mut().zip(&self.mean).zip(&*s.lo).zip(&*s.hi) {
+            *x = x.max(lo + mean).min(hi + mean);
+        }
     }
 
     #[inline(always)]
@@ -274,7 +309,7 @@ impl WindowProblem {
         }
         let metric = if changed { Some(&*s.metric) } else { None };
         let (free, rank) = (&*s.free, self.rank());
-        let found = |active: usize| Some(Found { active, ..Found::default() });
+        let found = |active: usize| Some(Found { status: Status::Optimal, active, ..Found::default() });
 
         let box_x = data.x_bounds.or(limits.x.as_ref());
         if kept.sides.is_empty() || (box_x.is_none() && limits.v.is_none()) {
@@ -324,7 +359,7 @@ impl WindowProblem {
             kept.forget_factor(); // of this Hessian, or of the problem made for this window
         }
         self.residual(data.outputs, s.window, v);
-        Some(Found { status, active: self.touched(s.window, lo, hi), iterations, cost: 0.0 })
+        Some(Found { status, active: self.touched(s.window, lo, hi), iterations, ..Found::default() })
     }
 
     /// The cost (17) in the user's units.

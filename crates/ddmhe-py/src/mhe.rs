@@ -422,7 +422,8 @@ impl Estimate {
         self.core.bound
     }
 
-    /// "optimal", "almost_optimal", "infeasible" or "failed"; in the last two x is the unconstrained minimiser's.
+    /// "optimal", "almost_optimal", "infeasible" or "failed"; in the last two x and window are inside the box on the
+    /// states, made without the outputs at fault or, where the box is at fault, by moving the minimiser into it.
     #[getter]
     fn status(&self) -> &'static str {
         self.core.status.as_str()
