@@ -40,6 +40,18 @@ def test_a_spike_leaves_the_answer_inside_its_box(space, size):
             assert np.abs(e.window).max() <= limit * (1 + 1e-8)
 
 
+@pytest.mark.parametrize("space", [ddmhe.Ridge(1e-6), ddmhe.Truncated()])
+@pytest.mark.parametrize("size", [1e9, 1e12, 1e15])
+def test_what_is_optimal_beside_a_huge_spike_is_inside_its_box(space, size):
+    """Where rounding takes the digits that a bound is to hold to, the answer is moved inside and not called optimal."""
+    for seed in range(6):
+        h, outputs, limit, deviation = case(seed)
+        outputs[30] += size * deviation
+        for e in steps(h, outputs, space=space, x_bounds=(-limit, limit)):
+            beyond = (np.abs(e.window).max() - limit) / deviation
+            assert beyond <= (2e-9 if e.status == "optimal" else 0), (seed, e.status, beyond)
+
+
 @pytest.mark.parametrize("size", [30, 1e3, 1e6, 1e12])
 def test_a_spike_is_no_worse_with_bounded_noise(size):
     """No window of the system explains it: it is left out, said once, and nothing of it stays."""
@@ -127,6 +139,8 @@ def test_recordings_that_cannot_be_computed_with_are_refused(scale):
     x, y = rng.standard_normal((41, 2)), rng.standard_normal((40, 1))
     with pytest.raises(ddmhe.DdmheError, match=r"^history: expected x"):
         ddmhe.DdMhe(ddmhe.History(scale * x, y))
+    with pytest.raises(ddmhe.DdmheError, match=r"^history: expected y1"):
+        ddmhe.DdMhe(ddmhe.History(x, scale * y))
     ddmhe.DdMhe(ddmhe.History(1e50 * x, 1e-50 * y)).run(1e-50 * y)
 
 

@@ -17,6 +17,7 @@
 //! Nothing here allocates: the numbers live in the caller's memory, [`work_len`] of them.
 
 use crate::panels::{WIDTH, axpy, dot, each, padded};
+use crate::qp::Status;
 use crate::tol;
 use faer::MatRef;
 use serde::{Deserialize, Serialize};
@@ -635,6 +636,16 @@ impl<W: Windows> Problem<'_, W> {
     #[inline(always)]
     pub fn inside(&self, w: &[f64]) -> bool {
         self.rows.worst(w, self.lo, self.hi, tol::ACTIVE_SET / tol::VIOLATED).is_none()
+    }
+
+    /// The status of an answer whose rows, as they are handed out, may be out of their bounds by the rounding of large numbers.
+    pub fn as_far_as_inside(&self, w: &[f64], status: Status) -> Status {
+        let almost = tol::ALMOST.0 / tol::VIOLATED;
+        match status {
+            status if self.inside(w) => status,
+            _ if self.rows.worst(w, self.lo, self.hi, almost).is_none() => Status::AlmostOptimal,
+            _ => Status::Failed,
+        }
     }
 
     /// Whether every row is inside its bounds and every multiplier has its sign.

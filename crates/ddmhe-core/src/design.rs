@@ -14,6 +14,9 @@ use crate::watch::Watch;
 use crate::weights::Weights;
 use crate::window::{Limits, WindowProblem};
 
+/// One signal of a recording, time-major.
+type Signal = fn(&History, usize) -> &[f64];
+
 /// What follows from the recording and the settings; shared by the copies of an estimator.
 pub(crate) struct Design {
     pub history: History,
@@ -35,8 +38,9 @@ impl Design {
     /// As [`DdMhe::new`](crate::DdMhe::new).
     pub fn new(history: &History, config: &Config) -> Result<Self, Error> {
         validate(history, config)?;
+        check_sizes(history)?;
         let scaling = Scaling::new(history)?;
-        check_sizes(&scaling)?;
+        check_scales(&scaling)?;
         check_reach("x_prior", &scaling, config.x_prior.as_deref().unwrap_or(&[]), &[])?;
         let rest = config.equilibrium.as_ref().map(|(x, y)| (&x[..], &y[..]));
         let (x_e, y_e) = rest.unwrap_or_default();
@@ -64,6 +68,7 @@ impl Design {
         };
         let mut selection = select(&config.space, &rule, &weights, history.n());
         let mut deepest = problem(horizon, &selection)?;
+        check_ridge(&weights, config, deepest.space.lambda)?;
         let mut radius = spectral_radius(&deepest);
         for _ in 0..tol::GUARD {
             let guarded = config.space == Space::Auto && !stable(radius);
@@ -149,19 +154,31 @@ fn too_little(history: &History, config: &Config, rule: &Defaults, horizon: usiz
     })
 }
 
-/// Numbers whose squares and quotients are numbers too.
-fn check_sizes(scaling: &Scaling) -> Result<(), Error> {
+/// Numbers whose squares and quotients are numbers too; a channel of zeros alone is one that never moved.
+fn check_sizes(history: &History) -> Result<(), Error> {
     let (least, most) = tol::SIZES;
-    for (name, s, mean) in [("x", &scaling.s_x, &scaling.mean_x), ("y", &scaling.s_y, &scaling.mean_y)] {
-        let wrong = |what: &str, found: f64| {
-            let expected = format!("{name} with {what} (in other units, if need be)");
-            Err(Error::value("history", expected, found))
-        };
-        if let Some(&s) = s.iter().find(|s| !(least..=most).contains(*s)) {
-            return wrong(&format!("standard deviations between {least:e} and {most:e}"), s);
+    let fits = |v: &f64| *v == 0.0 || (least..=most).contains(v);
+    for (name, of, width) in [("x", History::states as Signal, history.n()), ("y", History::outputs, history.p())] {
+        let mut largest = vec![0.0_f64; width];
+        for row in (0..history.recordings()).flat_map(|k| of(history, k).chunks_exact(width)) {
+            largest.iter_mut().zip(row).for_each(|(largest, v)| *largest = largest.max(v.abs()));
         }
-        if let Some(&mean) = mean.iter().find(|mean| !(mean.abs() <= most)) {
-            return wrong(&format!("means up to {most:e}"), mean);
+        if let Some(i) = largest.iter().position(|v| !fits(v)) {
+            let expected =
+                format!("{name}{} of magnitudes between {least:e} and {most:e} (in other units, if need be)", i + 1);
+            return Err(Error::value("history", expected, largest[i]));
+        }
+    }
+    Ok(())
+}
+
+/// The same of deviations.
+fn check_scales(scaling: &Scaling) -> Result<(), Error> {
+    let (least, most) = tol::SIZES;
+    for (name, s) in [("x", &scaling.s_x), ("y", &scaling.s_y)] {
+        if let Some(&s) = s.iter().find(|s| !(least..=most).contains(*s)) {
+            let expected = format!("{name} with standard deviations between {least:e} and {most:e}");
+            return Err(Error::value("history", expected, s));
         }
     }
     Ok(())
@@ -169,22 +186,43 @@ fn check_sizes(scaling: &Scaling) -> Result<(), Error> {
 
 /// Weights that leave something of both terms of (17).
 fn check_weights(weights: &Weights, config: &Config, scaling: &Scaling) -> Result<(), Error> {
-    let (least, most) = tol::SIZES;
-    let [of_a_state, of_an_output] = weights.out_of_size();
-    let Some(found) = of_a_state.or(of_an_output) else { return Ok(()) };
+    let [(P, P_most), (R, R_most)] = weights.ranges();
+    let fits = |least: f64, most: f64| least > 0.0 && most / least <= tol::WEIGHTS;
+    let found = format!("weights between {:.1e} and {:.1e}", P.min(R), P_most.max(R_most));
+    if fits(P.min(R), P_most.max(R_most)) {
+        return Ok(());
+    }
     if config.certificate.is_some() {
-        let expected = format!("P and R in units of the recording's deviations between {least:e} and {most:e}");
+        let expected = format!("P and R that differ by at most {:e} in scaled units", tol::WEIGHTS);
         return Err(Error::value("certificate", expected, found));
     }
-    if of_a_state.is_some() {
-        let expected = "states in units less far apart, or \"scaled\"";
-        return Err(Error::value("weights", expected, format!("\"paper\" and a weight of {found:e}")));
-    }
     let paper = config.weighting() == Weighting::Paper;
-    let of_mu = |s: &f64| if paper { s * s / weights.unit } else { 1.0 };
-    let (low, high) = scaling.s_y.iter().map(of_mu).fold((f64::MAX, 0.0_f64), |(l, h), s| (l.min(s), h.max(s)));
-    let expected = format!("between {:.1e} and {:.1e} for this recording", least / low, most / high);
-    Err(Error::value("mu", expected, config.mu.unwrap_or(found)))
+    let per_mu = scaling.s_y.iter().map(|s| if paper { s * s / weights.unit } else { 1.0 });
+    let (low, high) = per_mu.fold((f64::INFINITY, 0.0_f64), |(low, high), w| (low.min(w), high.max(w)));
+    let (least, most) = (P_most / tol::WEIGHTS / low, P * tol::WEIGHTS / high);
+    match config.mu {
+        Some(mu) if least <= most => {
+            Err(Error::value("mu", format!("between {least:.1e} and {most:.1e} for this recording"), format!("{mu:e}")))
+        }
+        _ => Err(Error::value("weights", "units less far apart, or \"scaled\"", found)),
+    }
+}
+
+/// A weight on ‖α‖² that leaves something of the cost (17), and of which something is left beside it.
+fn check_ridge(weights: &Weights, config: &Config, lambda: f64) -> Result<(), Error> {
+    let Space::Ridge { weight, .. } = config.space else { return Ok(()) };
+    let [(P, P_most), (R, R_most)] = weights.ranges();
+    let (least, most) = (P_most.max(R_most) / tol::WEIGHTS, P.min(R) * tol::WEIGHTS);
+    if (least..=most).contains(&lambda) {
+        return Ok(());
+    }
+    let per_weight = lambda / weight;
+    let expected = format!(
+        "a weight between {:.1e} and {:.1e} for these settings, or Exact or Truncated",
+        least / per_weight,
+        most / per_weight
+    );
+    Err(Error::value("space", expected, format!("{weight:e}")))
 }
 
 /// A state or an output (either may be empty) that is not beyond [`MEASURABLE`](tol::MEASURABLE).

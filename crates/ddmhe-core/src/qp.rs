@@ -16,8 +16,7 @@ use faer::{Mat, MatRef};
 use serde::{Deserialize, Serialize};
 
 /// What the optimisation found. Each is a statement about the numbers that were handed out, checked whichever solver they
-/// came from; a deviation is the channel's own standard deviation over the recording. Where the window is far away, as beside a
-/// spike, a bound holds to 1e-15 of the numbers that it is computed from.
+/// came from; a deviation is the channel's own standard deviation over the recording.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[non_exhaustive]
 pub enum Status {

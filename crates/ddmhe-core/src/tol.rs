@@ -116,9 +116,12 @@ pub const SUPPORT: f64 = 1e-7;
 /// more has no digit left for one of them.
 pub const MEASURABLE: f64 = 1.0 / f64::EPSILON;
 
-/// Smallest and largest size of what everything else is multiplied with: the recording's numbers and deviations in the user's
-/// units, and weights in scaled ones. Their products with squares of [`MEASURABLE`] neither overflow nor vanish.
+/// Smallest and largest size of the recording's numbers and deviations in the user's units. Their products with squares of
+/// [`MEASURABLE`] neither overflow nor vanish.
 pub const SIZES: (f64, f64) = (1e-60, 1e60);
+
+/// Most that two weights of the cost may differ by: four of the sixteen digits are left of the root of the smaller beside the other's.
+pub const WEIGHTS: f64 = 1e24;
 
 /// Largest lower and smallest upper bound that a recording of [`SIZES`] may be asked to meet.
 pub const BOUND: f64 = 1e80;

@@ -114,7 +114,7 @@ pub(crate) fn way_out<W: Windows>(problem: &Problem<'_, W>, z: &mut [f64], w: &m
     let answered = matches!(status, Status::Optimal | Status::AlmostOptimal);
     z[..rows.r].copy_from_slice(if answered { &point } else { &problem.free[..rows.r] });
     problem.windows.window(&z[..rows.r], w);
-    (status, iterations)
+    (if answered { problem.as_far_as_inside(w, status) } else { status }, iterations)
 }
 
 impl<'a, 'b, W: Windows> Bounded<'a, 'b, W> {

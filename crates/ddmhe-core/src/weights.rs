@@ -5,7 +5,6 @@ use crate::config::{Config, Weighting};
 use crate::defaults::Defaults;
 use crate::error::Error;
 use crate::space::Scaling;
-use crate::tol;
 use faer::{Mat, Side};
 use std::borrow::Cow;
 
@@ -87,10 +86,12 @@ impl Weights {
         scaling.s_y.iter().enumerate().map(channel).sum::<f64>() / scaling.s_y.len() as f64
     }
 
-    /// A weight of a state that is out of [`SIZES`](tol::SIZES), and one of an output.
-    pub fn out_of_size(&self) -> [Option<f64>; 2] {
-        let fits = |w: &f64| (tol::SIZES.0..=tol::SIZES.1).contains(w);
-        [&self.prior, &self.noise].map(|U| U.diagonal().column_vector().iter().map(|u| u * u).find(|w| !fits(w)))
+    /// Smallest and largest weight of a state, and of an output.
+    pub fn ranges(&self) -> [(f64, f64); 2] {
+        [&self.prior, &self.noise].map(|U| {
+            let weights = U.diagonal().column_vector().iter().map(|u| u * u);
+            weights.fold((f64::INFINITY, 0.0_f64), |(least, most), w| (least.min(w), most.max(w)))
+        })
     }
 
     /// √ of the prior's weight in a window of depth m (n × n).
