@@ -1,12 +1,15 @@
 # Needs Python >= 3.10 and Rust, nothing else; PYTHON=python3.12 names the interpreter of a new .venv.
 .DEFAULT_GOAL := help
 .NOTPARALLEL:
-.PHONY: help setup packages demo test lint bench bench-latency bench-peers instructions wheel test-wheel study-defaults study-certificates study-tuning study-sensitivity study-reproduction study-intervals clean
+.PHONY: help setup packages demo test test-long lint bench bench-latency bench-peers instructions wheel test-wheel study-defaults study-certificates study-tuning study-sensitivity study-reproduction study-intervals clean
 
 PY := .venv/bin/python
 # The build belongs to .venv, whatever environment the shell is in.
 export VIRTUAL_ENV := $(CURDIR)/.venv
 unexport CONDA_PREFIX PYTHONHOME PYTHONPATH
+# Two tests at a time, each with one BLAS thread: BLAS's threads wait for each other by spinning, which takes minutes
+# where there are more of them than cores.
+PYTEST := OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 $(PY) -m pytest -n 2 --dist worksteal
 
 help: ## this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "make %-15s %s\n", $$1, $$2 }' $(firstword $(MAKEFILE_LIST))
@@ -24,7 +27,11 @@ demo: setup ## the main example: estimates, figures and a report in ddmhe-demo/
 # whole workspace: the dependencies are compiled once.
 test: setup ## all tests: Rust, then Python
 	cargo test --workspace --release --locked
-	$(PY) -m pytest
+	$(PYTEST)
+
+# Many more cases of what the tests hold: minutes, where `make test` takes a sample.
+test-long: setup ## the long tests, which `make test` leaves out
+	$(PYTEST) -m long
 
 lint: rust-components packages ## formatting, clippy, rustdoc, ruff, mypy
 	cargo fmt --all --check

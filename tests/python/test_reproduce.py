@@ -13,6 +13,7 @@ import pytest
 from matplotlib.image import imread
 
 import ddmhe
+from commands import in_here
 from ddmhe.reproduce import (
     EXPERIMENTS,
     Claim,
@@ -31,8 +32,8 @@ from ddmhe.reproduce.montecarlo import Trial, Trials, estimates
 DATA = Path(os.environ.get("DDMHE_DATA", Path(__file__).parents[3] / "shared" / "data")) / "repoimu-pendulum"
 
 
-def run(*arguments):
-    command = [sys.executable, "-m", "ddmhe", "reproduce", *map(str, arguments)]
+def run(*arguments, program=("-m", "ddmhe")):
+    command = [sys.executable, *program, "reproduce", *map(str, arguments)]
     return subprocess.run(command, capture_output=True, text=True, timeout=300)
 
 
@@ -42,8 +43,19 @@ def table(path):
     return {(row[0].removeprefix("| "), row[1]): row[2:] for row in rows}
 
 
-def test_one_experiment_leaves_figures_series_and_claims(tmp_path):
-    done = run("bench-both", "--out", tmp_path)
+FEW_SEEDS = """
+from ddmhe.reproduce import experiments
+experiments.SEEDS, experiments.FAMILY_SEEDS = 2, 1
+from ddmhe.cli import main
+main()
+"""
+
+
+@pytest.mark.parametrize(
+    "program", [["-c", FEW_SEEDS], pytest.param(["-m", "ddmhe"], marks=pytest.mark.long)], ids=["few seeds", "all"]
+)
+def test_one_experiment_leaves_figures_series_and_claims(tmp_path, program):
+    done = run("bench-both", "--out", tmp_path, program=program)
     assert done.returncode == 0, done.stderr
     names = {path.name for path in tmp_path.iterdir()}
     files = {f"bench-both.{end}" for end in ("csv", "png", "svg")} | {"bench-both-family.csv"}
@@ -112,7 +124,7 @@ def test_the_rank_of_44_needs_the_rounding_of_the_differences():
     ],
 )
 def test_wrong_usage_is_one_line_and_exit_2(arguments, words, tmp_path):
-    done = run(*arguments, "--out", tmp_path)
+    done = in_here("reproduce", *arguments, "--out", tmp_path)
     assert done.returncode == 2
     assert words in done.stderr
     assert len(done.stderr.strip().splitlines()) == 1

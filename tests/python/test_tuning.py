@@ -21,6 +21,17 @@ def tuned():
     return ddmhe.tune(history)
 
 
+LENGTHS = [80, pytest.param(200, marks=pytest.mark.long)]
+
+
+@pytest.fixture(scope="module", params=LENGTHS)
+def first(request):
+    """A recording and its tuning, for what compares it with another one; short, and as long as that of `tuned`."""
+    x, y = detumbling()[0].recordings[0]
+    history = ddmhe.History(x[: request.param + 1], y[: request.param], dt=0.1)
+    return history, ddmhe.tune(history)
+
+
 def test_the_settings_make_an_estimator_that_is_stable_and_no_worse_than_the_defaults(tuned):
     history, record = detumbling()
     estimator = ddmhe.DdMhe(history, **tuned.settings)
@@ -48,11 +59,10 @@ def test_the_table_ranks_what_was_tried(tuned):
     assert "rehearsals" in tuned.words
 
 
-def test_the_scores_are_those_of_estimators_fitted_by_hand():
+def test_the_scores_are_those_of_estimators_fitted_by_hand(tuned):
     """Row by row: fit on three quarters as two recordings, estimate the fourth, relative to the spread."""
     history, _ = detumbling()
     (x, y) = history.recordings[0]
-    tuned = ddmhe.tune(history)
     for row in (0, 5, 20):
         for q in (1, 2):
             a, z = 50 * q, 50 * (q + 1)
@@ -63,16 +73,16 @@ def test_the_scores_are_those_of_estimators_fitted_by_hand():
             assert tuned.table[f"quarter {q + 1}"].iloc[row] == pytest.approx(relative, rel=1e-9)
 
 
-def test_the_same_recording_gives_the_same_choice(tuned):
-    history, _ = detumbling()
+def test_the_same_recording_gives_the_same_choice(first):
+    history, tuned = first
     again = ddmhe.tune(history)
     assert repr(again.settings) == repr(tuned.settings)
     np.testing.assert_array_equal(again.table["score"], tuned.table["score"])
 
 
-def test_another_rounding_makes_no_other_choice(tuned):
+def test_another_rounding_makes_no_other_choice(first):
     """One unit in the last digit of every state moves no score that decides by more than 1e-5."""
-    history, _ = detumbling()
+    history, tuned = first
     (x, y) = history.recordings[0]
     signs = np.random.default_rng(0).choice([-1.0, 1.0], x.shape)
     again = ddmhe.tune(ddmhe.History(np.nextafter(x, np.inf * signs), y, dt=0.1))
@@ -81,8 +91,8 @@ def test_another_rounding_makes_no_other_choice(tuned):
     assert (again.horizon, str(again.space)) == (tuned.horizon, str(tuned.space))
 
 
-def test_units_do_not_matter(tuned):
-    history, _ = detumbling()
+def test_units_do_not_matter(first):
+    history, tuned = first
     (x, y) = history.recordings[0]
     scaled = ddmhe.tune(ddmhe.History(1e3 * x + 5.0, 1e-4 * y - 1.0, dt=0.1))
     assert scaled.horizon == tuned.horizon
@@ -91,9 +101,9 @@ def test_units_do_not_matter(tuned):
     assert scaled.score == pytest.approx(tuned.score, rel=1e-4)
 
 
-def test_stated_output_noise_is_part_of_the_validation(tuned):
+def test_stated_output_noise_is_part_of_the_validation(first):
     """A hundred times the recorded noise: the held-out errors grow, and more smoothing is chosen or tied."""
-    history, _ = detumbling()
+    history, tuned = first
     noisy = ddmhe.tune(history, output_noise=1.0)
     assert noisy.score > tuned.score + 0.5
     assert ddmhe.tune(history, output_noise=[1e-9] * 3).score == tuned.score

@@ -1,0 +1,26 @@
+"""The command line for tests: as a process of its own, and in this one, which saves the second that imports take."""
+
+import contextlib
+import io
+import subprocess
+import sys
+
+import pytest
+
+from ddmhe.cli import main
+
+
+def in_a_process(*arguments, cwd=None, timeout=120):
+    command = [sys.executable, "-m", "ddmhe", *map(str, arguments)]
+    return subprocess.run(command, capture_output=True, text=True, cwd=cwd, timeout=timeout)
+
+
+def in_here(*arguments, cwd=None):
+    out, err = io.StringIO(), io.StringIO()
+    with pytest.MonkeyPatch.context() as patch, contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
+        patch.setattr(sys, "argv", ["ddmhe", *map(str, arguments)])
+        if cwd is not None:
+            patch.chdir(cwd)
+        with pytest.raises(SystemExit) as ended:
+            main()
+    return subprocess.CompletedProcess(arguments, ended.value.code or 0, out.getvalue(), err.getvalue())
