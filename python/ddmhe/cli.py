@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import io
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NoReturn
+from typing import Any, NoReturn
 
 import click
 import numpy as np
@@ -16,16 +16,13 @@ from rich.progress import Progress
 
 from ddmhe import demo as demo_case
 from ddmhe import report
-from ddmhe._core import DdMhe, DdmheError
+from ddmhe._core import DdMhe, DdmheError, wrapped_angle
 from ddmhe._core import Log as Estimates
 from ddmhe.config import READING, read_config, space_from_text, write_config
 from ddmhe.files import write as write_file
 from ddmhe.files import write_text
 from ddmhe.logs import Log, Split, read_log
-from ddmhe.oddities import far_out, turn
-
-if TYPE_CHECKING:
-    from ddmhe.tuning import Tuning
+from ddmhe.oddities import far_out
 
 Array = NDArray[np.float64]
 
@@ -162,14 +159,25 @@ def _oddities(log: Log) -> Iterator[str]:
                 f"{log.path}, column {name!r}: {_some(found)} in line {_some(lines)} sits more than "
                 f"50 deviations out on its own; if it says not measured: --missing {','.join(found)}"
             )
-        full = turn(values)
-        if full is not None:
-            at = int(np.nanargmax(np.abs(np.diff(values))))
+        wrapped = wrapped_angle(values)
+        if wrapped is not None:
+            full, row = wrapped
             yield (
-                f"{log.path}, column {name!r}, line {log.lines[at + 1]}: looks like an angle that jumps "
+                f"{log.path}, column {name!r}, line {log.lines[row]}: looks like an angle that jumps "
                 f"by a full turn of {full:.6g}, which no linear motion does; use its cosine and sine as "
                 f"two columns, or --unwrap {name}"
             )
+
+
+def _untold(log: Log, warnings: Iterable[str]) -> Iterator[str]:
+    """Warnings of an estimator without those on angles in columns that `_oddities` has named."""
+    told = tuple(
+        f"{kind} {index} (counted from 0) jumps by"
+        for kind, columns in (("state", log.x.T), ("output", log.y.T))
+        for index, values in enumerate(columns)
+        if wrapped_angle(values) is not None
+    )
+    return (sentence for sentence in warnings if not sentence.startswith(told))
 
 
 def _some(words: list[str]) -> str:
@@ -203,7 +211,7 @@ def demo(out: Path, seed: int, noise: float) -> None:
     written = demo_case.write(out, recording, results)
     console.print(demo_case.summary(recording, results, noise))
     for name, result in results.items():
-        _print_warnings(console, f"{name}: ", result.est)
+        _print_warnings(console, f"{name}: ", result.est.warnings)
     _print_written(console, written)
 
 
@@ -230,10 +238,10 @@ def estimate(log: Path, out: Path | None, plot: Path | None, config: Path | None
     samples, split = _read(log, given)
     est = DdMhe(split.history, **_settings(from_file, given))
     at_first = list(est.warnings)
-    for sentence in at_first:
+    for sentence in _untold(samples, at_first):
         _warn(sentence)
     estimates = est.run(split.Y)
-    for sentence in est.warnings:
+    for sentence in _untold(samples, est.warnings):
         if sentence not in at_first:
             _warn(sentence)
     written = _write(csv, figure, samples, split, estimates.x)
@@ -291,7 +299,7 @@ def tune(log: Path, out: Path, output_noise: float | None, rest: bool, **given: 
     from ddmhe.plot import tuning_figure
     from ddmhe.tuning import tune as tuned
 
-    _, split = _read(log, given)
+    samples, split = _read(log, given)
     h = split.history
     equilibrium = (np.zeros(h.n), np.zeros(h.p)) if rest else None
     found = tuned(h, output_noise=output_noise, equilibrium=equilibrium)
@@ -303,7 +311,7 @@ def tune(log: Path, out: Path, output_noise: float | None, rest: bool, **given: 
     console = Console()
     console.print(report.scores(f"Settings for {log.name}, the ten best of {len(found.table)}", found.table.head(10)))
     console.print(found.words, markup=False, highlight=False)
-    _print_warnings(console, "", found)
+    _print_warnings(console, "", _untold(samples, found.warnings))
     _print_written(console, written)
 
 
@@ -529,8 +537,8 @@ def _write(csv: Path | None, figure: Path | None, log: Log, split: Split, x_hat:
     return [path for path in (csv, figure) if path is not None]
 
 
-def _print_warnings(console: Console, prefix: str, est: DdMhe | Tuning) -> None:
-    for warning in est.warnings:
+def _print_warnings(console: Console, prefix: str, warnings: Iterable[str]) -> None:
+    for warning in warnings:
         console.print(f"warning: {prefix}{warning}", style="yellow", markup=False, soft_wrap=True)
 
 

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 from numpy.typing import NDArray
 
+from ddmhe._core import wrapped_angle
+
 Array = NDArray[np.float64]
 
-__all__ = ["far_out", "turn", "unwrapped"]
+__all__ = ["far_out", "unwrapped"]
 
 FAR = 50.0
 """Deviations of the other values beyond which one is no measurement of the same thing."""
@@ -19,12 +19,6 @@ ALONE = 3
 """Rows in a row that different values far out may take; more of them are a motion. Of one value there may be more."""
 LEAST = 30
 """Fewest values that tell what is far out."""
-TURNS = (2 * math.pi, 360.0)
-FULL = (0.9, 1.001)
-"""Shares of a turn between which the range of a wrapped angle lies."""
-MOTION = 2.0
-"""A jump by a turn differs from it by the motion of one sample: up to this many times the 95th percentile of the other
-steps, and 1 % of a turn."""
 
 
 def far_out(values: Array) -> NDArray[np.intp]:
@@ -61,27 +55,12 @@ def _above(values: Array, known: NDArray[np.intp]) -> NDArray[np.intp]:
     return order[half + int(np.argmax(far)) :] if far.any() else np.empty(0, dtype=np.intp)
 
 
-def turn(values: Array) -> float | None:
-    """The full turn (2 pi or 360) of an angle (N,) that is wrapped, or None: it spans one and jumps by one."""
-    known = values[np.isfinite(values)]
-    if known.size < 2:
-        return None
-    span, steps = float(np.ptp(known)), np.abs(np.diff(known))
-    for full in TURNS:
-        jumps = steps > 0.5 * full
-        if not FULL[0] * full <= span <= FULL[1] * full or not jumps.any() or jumps.all():
-            continue
-        motion = MOTION * float(np.quantile(steps[~jumps], 0.95)) + 0.01 * full
-        if (np.abs(steps[jumps] - full) <= motion).all():
-            return full
-    return None
-
-
 def unwrapped(values: Array) -> Array:
-    """An angle (N,) without its jumps by a turn; as it is where it has none."""
-    full = turn(values)
-    if full is None:
+    """An angle (N,) without its jumps by a turn of 2 pi or 360; as it is where it has none."""
+    wrapped = wrapped_angle(values)
+    if wrapped is None:
         return values
+    full, _ = wrapped
     known = np.isfinite(values)
     result = values.copy()
     result[known] = np.unwrap(values[known], period=full)

@@ -9,9 +9,10 @@ import pandas as pd
 import pytest
 
 from ddmhe import DdmheError
+from ddmhe._core import wrapped_angle
 from ddmhe.config import ConfigError, read_config, space_from_text
 from ddmhe.logs import LogError, read_log
-from ddmhe.oddities import far_out, turn
+from ddmhe.oddities import far_out
 from ddmhe.report import nrmse, pooled_nrmse, rmse, rmse_norm, root_mean_square
 
 HEADER = "time_s,w,q,torque"
@@ -298,9 +299,15 @@ def test_what_is_far_out_on_its_own():
 def test_wrapped_angles_are_seen_and_made_continuous(tmp_path, full, offset):
     angle = full * np.cumsum(np.linspace(0.005, 0.02, 400))
     wrapped = angle % full - offset * full
-    assert turn(wrapped) == full
-    assert turn(angle) is None
-    assert turn(0.49 * full * np.sin(np.arange(400) / 9)) is None
+    jump = int(np.flatnonzero(np.abs(np.diff(wrapped)) > full / 2)[0]) + 1
+    assert wrapped_angle(wrapped) == (full, jump)
+    gap = np.where(np.arange(400) < jump, np.nan, wrapped)  # what was not measured is left out
+    following = int(np.flatnonzero(np.abs(np.diff(gap)) > full / 2)[0]) + 1
+    assert wrapped_angle(gap) == (full, following)
+    assert wrapped_angle(angle) is None
+    assert wrapped_angle(0.49 * full * np.sin(np.arange(400) / 9)) is None
+    for nothing in ([], [1.0], [np.nan] * 9, [np.inf] * 9):
+        assert wrapped_angle(nothing) is None
     rows = [f"{0.1 * k:.1f},{wrapped[k]:.12f},{k},{wrapped[k]:.12f}" for k in range(400)]
     log = read(write(tmp_path / "log.csv", rows), decimate=2, unwrap=["w", "torque"])
     np.testing.assert_allclose(log.x[:, 0], angle[::2] - offset * full, atol=1e-9)
@@ -322,7 +329,7 @@ def test_nothing_odd_is_seen_in_measured_logs():
         for name, step in product(frame.columns[1:], (1, 4)):
             values = frame[name].to_numpy(dtype=float)[::step]
             assert far_out(values).size == 0, (path, name)
-            assert turn(values) is None, (path, name)
+            assert wrapped_angle(values) is None, (path, name)
 
 
 def test_errors_are_package_errors():

@@ -96,4 +96,5 @@ pub use mhe::DdMhe;
 pub use observer::{IntervalEstimate, IntervalObserver};
 pub use qp::Status;
 pub use space::{Scaling, Space, TrajectorySpace};
+pub use watch::wrapped_angle;
 pub use zonotope::{Reduction, Zonotope};

@@ -178,7 +178,19 @@ impl Channel<'_> {
 
     /// What to say of a channel that jumps by full turns.
     fn wrapped(&self, name: &str) -> Option<String> {
-        for (turn, _) in self.ranges() {
+        let Turns { turn, count, part, sample } = self.turns()?;
+        let place = if self.parts.len() > 1 { format!(" of recording {part}") } else { String::new() };
+        let turn = if turn == TAU { "2 pi" } else { "360" };
+        let index = self.index;
+        Some(format!(
+            "{name} {index} (counted from 0) jumps by about {turn} in the recording, {count} times, first at sample {sample}{place}: \
+             {ADVICE}"
+        ))
+    }
+
+    /// The full turns that the channel jumps by, if it does.
+    fn turns(&self) -> Option<Turns> {
+        self.ranges().into_iter().find_map(|(turn, _)| {
             let mut found = Vec::new();
             let (mut others, mut ordinary_steps) = (0, 0);
             for (part, steps) in self.steps().enumerate() {
@@ -193,18 +205,27 @@ impl Channel<'_> {
             ordinary_steps -= found.len() + others;
             // a turn takes four ordinary steps at least
             let enough = found.len() > others && ordinary_steps >= (4 * found.len()).max(LEAST);
-            if let Some((part, sample)) = found.first().filter(|_| enough) {
-                let place = if self.parts.len() > 1 { format!(" of recording {part}") } else { String::new() };
-                let turn = if turn == TAU { "2 pi" } else { "360" };
-                let (index, count) = (self.index, found.len());
-                return Some(format!(
-                    "{name} {index} (counted from 0) jumps by about {turn} in the recording, {count} times, first at sample {sample}{place}: \
-                     {ADVICE}"
-                ));
-            }
-        }
-        None
+            let &(part, sample) = found.first().filter(|_| enough)?;
+            Some(Turns { turn, count: found.len(), part, sample })
+        })
     }
+}
+
+/// Jumps of a channel by full turns: how far, how many, and the first sample after one.
+struct Turns {
+    turn: f64,
+    count: usize,
+    part: usize,
+    sample: usize,
+}
+
+/// The full turn (2π or 360) that a wrapped angle jumps by and the first entry after such a jump; None for any other
+/// signal. Entries that are not finite were not measured: those beside them count as neighbours.
+pub fn wrapped_angle(values: &[f64]) -> Option<(f64, usize)> {
+    let entries: Vec<usize> = (0..values.len()).filter(|&k| values[k].is_finite()).collect();
+    let known: Vec<f64> = entries.iter().map(|&k| values[k]).collect();
+    let channel = Channel { parts: vec![&known], width: 1, index: 0 };
+    channel.turns().map(|found| (found.turn, entries[found.sample]))
 }
 
 /// States that never moved in the recording.

@@ -228,3 +228,12 @@ impl RankReport {
         )
     }
 }
+
+/// The full turn (2 pi or 360) that an angle (N,) is wrapped by and the first row after a jump, or None; NaN where it
+/// was not measured.
+#[pyfunction]
+pub fn wrapped_angle(values: &Bound<'_, PyAny>) -> PyResult<Option<(f64, usize)>> {
+    let numbers = Numbers::measured("values", values)?;
+    let len = numbers.data.len();
+    Ok(ddmhe_core::wrapped_angle(&numbers.into_vector("values", len)?))
+}

@@ -22,7 +22,7 @@ mod _core {
         DdmheError, InfeasibleError, ModelViolationError, NotFiniteError, RankError, ShapeError, numbers,
     };
     #[pymodule_export]
-    use crate::history::{History, RankReport};
+    use crate::history::{History, RankReport, wrapped_angle};
     #[pymodule_export]
     use crate::interval::{Bounds, IntervalLog, ObserverCore, Zonotope, interval_operation};
     #[pymodule_export]
