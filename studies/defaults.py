@@ -154,7 +154,7 @@ def judge(case):
             return {name: np.inf for name in case.spans}
 
     with np.errstate(over="ignore", invalid="ignore"):
-        found = {"rule": run(), "warm start": run(warm_start=True)}
+        found = {"rule": run(), "warm start": run(start="recording")}
         if case.group.startswith("spin"):
             found["equilibrium"] = run(equilibrium=([0.0], [0.0]))
         elif case.group.startswith("3-DOF"):

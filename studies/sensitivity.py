@@ -40,7 +40,7 @@ def errors(seed, noise, recorded, settings):
     for given in settings:
         given = BASE | given
         space = ddmhe.Truncated(given.pop("rank"))
-        x_hat = ddmhe.DdMhe(history, space=space, **given).run(record.y[demo.T : -1]).x
+        x_hat = ddmhe.DdMhe(history, space=space, start="state", **given).run(record.y[demo.T : -1]).x
         norm = np.rad2deg(np.linalg.norm(x_hat - record.x[demo.T + 1 :], axis=1))
         found.append([np.sqrt(np.mean(norm[: round(span / demo.DT)] ** 2)) for span in SPANS])
     return np.array(found)

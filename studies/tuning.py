@@ -49,11 +49,11 @@ def judge(case, rest):
         begin = time.perf_counter()
         tuned = ddmhe.tune(history, equilibrium=rest, progress=False)
         seconds = time.perf_counter() - begin
-        found = {"tuned": run(tuned.settings), "defaults": run({})}
+        found = {"tuned": run(tuned.settings | {"start": tuned.start}), "defaults": run({})}
         hindsight = []
         for settings in tuned.candidates:
-            for warm in (False, True) if case.relative else (False,):
-                hindsight.append(run(settings | {"warm_start": warm}))
+            for start in ("state", "recording") if case.relative else ("state",):
+                hindsight.append(run(settings | {"start": start}))
     best = {name: np.nanmin([error[name] for error in hindsight]) for name in case.spans}
     return case.group, found, best, seconds
 
@@ -87,8 +87,9 @@ def main():
 PREFACE = [
     "# Tuning against hindsight",
     "",
-    "Printed by `make study-tuning` (studies/tuning.py). *tuned* is `DdMhe(h, **tune(h).settings)`, *defaults* is",
-    "`DdMhe(h)`. Errors: 3-DOF in deg/s (|ω| error, RMSE over the span), spin-down in rad/s with the rest known,",
+    "Printed by `make study-tuning` (studies/tuning.py). *tuned* is `DdMhe(h, **t.settings, start=t.start)` with",
+    "`t = tune(h)`, *defaults* is `DdMhe(h)`.",
+    "Errors: 3-DOF in deg/s (|ω| error, RMSE over the span), spin-down in rad/s with the rest known,",
     "measured pendulum NRMSE. *Hindsight* is the best of the tuner's own candidates, picked with the truth for each",
     "case and span by itself. The tuner's constants were chosen with the random targets, the spin-downs and the logs",
     "in view; the held-out targets were not looked at before.",

@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 
 _Floats: TypeAlias = NDArray[np.float64]
 _Box: TypeAlias = tuple[ArrayLike, ArrayLike] | Sequence[ArrayLike]
+_Start: TypeAlias = Literal["recording", "state", "unknown"]
 _Status: TypeAlias = Literal["optimal", "almost_optimal", "infeasible", "failed"]
 
 class _Certificate(Protocol):
@@ -117,12 +118,13 @@ class DdMhe:
         x_center: Literal["history"] | None = None,
         v_bounds: _Box | None = None,
         equilibrium: tuple[ArrayLike, ArrayLike] | Sequence[ArrayLike] | None = None,
-        warm_start: bool = False,
+        warm_start: bool | None = None,
         space: Literal["auto"] | Exact | Truncated | Ridge = "auto",
         certificate: _Certificate | None = None,
         disturbance: tuple[float, float, float] | None = None,
         *,
         weights: Literal["auto", "paper", "scaled"] = "auto",
+        start: _Start | None = None,
     ) -> DdMhe: ...
     @overload
     def step(self, y_t: ArrayLike, x_bounds: _Box | None = None, out: None = None) -> Estimate: ...
@@ -133,7 +135,7 @@ class DdMhe:
     def __copy__(self) -> DdMhe: ...
     def __deepcopy__(self, _memo: object, /) -> DdMhe: ...
     def run(self, Y: ArrayLike, out: _Floats | None = None) -> Log: ...
-    def reset(self, x_prior: ArrayLike | None = None) -> None: ...
+    def reset(self, x_prior: ArrayLike | None = None, start: _Start | None = None) -> None: ...
     def snapshot(self) -> bytes: ...
     @staticmethod
     def restore(blob: bytes) -> DdMhe: ...

@@ -224,7 +224,12 @@ def demo(out: Path, seed: int, noise: float) -> None:
 @click.option("--rho", type=float, help="Discount per sample, in (0, 1).  [default: from the recording]")
 @click.option("--mu", type=float, help="Weight on the fitted noise.  [default: from the recording]")
 @click.option("--space", metavar="auto|exact|truncated:RANK|ridge:WEIGHT", help="Which windows count as trajectories.")
-@click.option("--warm-start/--no-warm-start", default=None, help="Start with a full window from the recording's end.")
+@click.option(
+    "--start-from",
+    type=click.Choice(["auto", "recording", "state", "unknown"]),
+    help="The recording's end, a state (x_prior, or the last recorded one), or anywhere.  [default: auto: recording]",
+)
+@click.option("--warm-start/--no-warm-start", default=None, help="The old names of --start-from recording and state.")
 def estimate(log: Path, out: Path | None, plot: Path | None, config: Path | None, **given: Any) -> None:
     """Estimate the states of a CSV log from its outputs, after a history in which both were recorded.
 
@@ -311,6 +316,7 @@ def tune(log: Path, out: Path, output_noise: float | None, rest: bool, **given: 
     console = Console()
     console.print(report.scores(f"Settings for {log.name}, the ten best of {len(found.table)}", found.table.head(10)))
     console.print(found.words, markup=False, highlight=False)
+    console.print(f"Start, where the log goes on: --start-from {found.start}", markup=False, highlight=False)
     _print_warnings(console, "", _untold(samples, found.warnings))
     _print_written(console, written)
 
@@ -493,8 +499,14 @@ def _targets(log: Path, out: Path | None, plot: Path | None) -> tuple[Path | Non
 
 def _settings(from_file: dict[str, Any], given: dict[str, Any]) -> dict[str, Any]:
     """Keywords of DdMhe: the file's, overridden by the options given."""
-    settings = dict(from_file)
-    settings.update({key: value for key, value in given.items() if value is not None})
+    named = dict(from_file)
+    if given["start_from"] is not None or given["warm_start"] is not None:
+        named = {key: value for key, value in named.items() if key not in ("start", "warm_start")}
+    settings = named | {key: value for key, value in given.items() if value is not None and key != "start_from"}
+    if given["start_from"] not in (None, "auto"):
+        settings["start"] = given["start_from"]
+    if not {"start", "warm_start", "x_prior"} & set(settings):
+        settings["start"] = "recording"  # the log goes on where its history ends
     if isinstance(given["space"], str):
         settings["space"] = space_from_text(given["space"])
     return settings

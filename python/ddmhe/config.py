@@ -145,6 +145,7 @@ _EXPECTED: dict[str, tuple[str, Callable[[object], bool]]] = {
     "v_bounds": ("a list [lo, hi]", _is_numbers),
     "equilibrium": ("a list [x_e, y_e]", _is_numbers),
     "warm_start": ("true or false", lambda v: isinstance(v, bool)),
+    "start": ('"recording", "state" or "unknown"', lambda v: v in ("recording", "state", "unknown")),
     "space": ("a text or a table", lambda v: isinstance(v, str | dict)),
     "certificate": ("a table", lambda v: isinstance(v, dict)),
     "disturbance": ("a list [initial, w, v]", _is_numbers),

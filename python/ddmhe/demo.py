@@ -61,7 +61,7 @@ def runs(noise: float, seed: int, advance: Callable[[], None]) -> tuple[models.R
 
 def run(history: History, Y: Array, given: dict[str, Any], advance: Callable[[], None]) -> Run:
     """Estimate step by step from torques Y (N, 3), as a spacecraft would."""
-    est = DdMhe(history, x_bounds=(-BOX, BOX), x_center="history", **given)
+    est = DdMhe(history, x_bounds=(-BOX, BOX), x_center="history", start="state", **given)
     estimates, seconds = [], []
     for y_t in Y:
         begin = time.perf_counter()

@@ -13,8 +13,8 @@ recording shows its whole state (small misfit of the default rule) and the surro
 
 *Selection.* Scores are averaged over neighbouring regularisation weights: a minimum that its neighbours do not share is
 luck. Settings whose map from prior to estimate is unstable are refused. Without rehearsals the quarters alone decide,
-pulled towards the default rule's weight and long horizons (BIAS). A warm start is judged by rolling origins, where it
-can be used. `make study-tuning` compares the result with the best settings in hindsight.
+pulled towards the default rule's weight and long horizons (BIAS). A start from the recording's end is judged
+by rolling origins, where it can be used. `make study-tuning` compares the result with the best settings in hindsight.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ import math
 import sys
 from dataclasses import dataclass, field
 from itertools import product
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import pandas as pd
@@ -46,7 +46,7 @@ __all__ = ["Tuning", "tune"]
 
 QUARTERS = 4
 ORIGINS = (0.4, 0.55, 0.7)
-"""Ends of the first parts of the recording from which a warm start is judged, as shares of T."""
+"""Ends of the first parts of the recording from which a start is judged, as shares of T."""
 RHO = 0.95
 """Discount of every candidate: anything from 0.9 to 0.97 does."""
 HIDDEN = 1e-2
@@ -69,17 +69,18 @@ EXPLAINED = 10.0
 """Largest mean squared residual, in units of the noise, of a surrogate that is rehearsed."""
 GUARD = 1.005
 """Largest spectral radius of the map from prior to estimate."""
-BIAS = {"horizon": 0.1, "lambda": 0.1, "rank": 0.1, "equilibrium": 0.1, "warm start": 0.2}
+BIAS = {"horizon": 0.1, "lambda": 0.1, "rank": 0.1, "equilibrium": 0.1, "recording": 0.2}
 """In units of the score: per halving of the horizon, per decade between λ and the default rule's, for a cut at a
-rank; in favour of the equilibrium and of a warm start."""
+rank; in favour of the equilibrium and of a start from the recording's end."""
 
 
 @dataclass(frozen=True, eq=False)
 class Tuning:
-    """The settings that were chosen and why; the estimator takes them as `DdMhe(h, **tuning.settings)`."""
+    """The settings that were chosen and why; the estimator takes them as `DdMhe(h, **tuning.settings)`, and as
+    `DdMhe(h, **tuning.settings, start=tuning.start)` for a run that goes on where the recording ends."""
 
     settings: dict[str, Any]
-    """Keywords of DdMhe: horizon, rho, mu, weights, space, warm_start, and equilibrium where it was chosen."""
+    """Keywords of DdMhe: horizon, rho, mu, weights, space, and equilibrium where it was chosen. They hold for every start."""
     score: float
     """Mean over the quarters of log(rms error / spread of the states): 0 is no better than their mean."""
     table: pd.DataFrame
@@ -87,6 +88,9 @@ class Tuning:
     relative to the spread, and the spectral radius."""
     words: str
     """How far the choice can be trusted."""
+    start: Literal["recording", "state"]
+    """For a run that goes on where the recording ends: whether it does better with its window filled from there or with
+    one that grows from the last recorded state."""
     candidates: list[dict[str, Any]]
     """Keywords of DdMhe of each row of the table."""
     warnings: list[str] = field(default_factory=list)
@@ -191,11 +195,12 @@ def tune(
     folds = [whole, *_quarters(history, longest, extra, spread)]
     rehearsals = [] if reference > HIDDEN else _rehearsals(history, longest, output_noise, equilibrium, spread)
     folds += rehearsals
-    # A warm start saves the short windows: for the spectral radius and where a fold continues its own recording.
-    jobs: list[tuple[int, dict[str, Any]]] = [(0, c.given | {"warm_start": True}) for c in candidates]
-    jobs += [(1 + q, c.given | {"warm_start": q > 0}) for c in candidates for q in range(QUARTERS)]
+    # A start from the recording's end saves the short windows: for the spectral radius and where a fold continues its
+    # own recording.
+    jobs: list[tuple[int, dict[str, Any]]] = [(0, c.given | {"start": "recording"}) for c in candidates]
+    jobs += [(1 + q, c.given | {"start": "recording" if q else "state"}) for c in candidates for q in range(QUARTERS)]
     late = [1 + QUARTERS + d for d in range(len(rehearsals))]
-    jobs += [(fold, c.given | {"warm_start": True}) for c in candidates for fold in late]
+    jobs += [(fold, c.given | {"start": "recording"}) for c in candidates for fold in late]
     results = iter(_validate(folds, jobs, progress))
     for c in candidates:
         c.radius = next(results)[1]
@@ -208,8 +213,8 @@ def tune(
     best = ranked[0]
     if not math.isfinite(best.rated):
         raise RankError("history: expected a recording of which three quarters suffice for some setting, found none")
-    warm = _warm_start(history, longest, best, extra)
-    return _tuning(history, ranked, warm, candidates[0])
+    start = _start(history, longest, best, extra)
+    return _tuning(history, ranked, start, candidates[0])
 
 
 def _log(squares: list[float]) -> float:
@@ -232,14 +237,14 @@ def _candidates(
     history: History, T: int, equilibrium: tuple[ArrayLike, ArrayLike] | None
 ) -> tuple[list[_Candidate], float]:
     """The default rule and a grid, with and without the equilibrium if it can be used; and the default rule's λ/μ."""
-    default = DdMhe(history, warm_start=True)
+    default = DdMhe(history, start="recording")
     reference = max(default.ridge / default.mu, LAMBDA[0])
     hidden = reference > HIDDEN
     horizons = sorted({max(2, round(share * T)) for share in HORIZONS[hidden]})
     options: list[dict[str, Any]] = [{}]
     if equilibrium is not None:
         rest: dict[str, Any] = {"equilibrium": equilibrium}
-        if not any("equilibrium" in w for w in DdMhe(history, warm_start=True, **rest).warnings):
+        if not any("equilibrium" in w for w in DdMhe(history, start="recording", **rest).warnings):
             options.append(rest)
     found = []
     for option in options:
@@ -393,33 +398,34 @@ def _bias(c: _Candidate, longest: int, reference: float) -> float:
     return bias + BIAS["rank"] * isinstance(c.given.get("space"), Truncated)
 
 
-def _warm_start(history: History, longest: int, best: _Candidate, extra: Array) -> bool:
-    """Whether a start with a full window does better where it can be used: right behind parts of the recording."""
+def _start(history: History, longest: int, best: _Candidate, extra: Array) -> Literal["recording", "state"]:
+    """Which start does better where both can be used: right behind parts of the recording."""
     x, y = history.recordings[longest]
     noisy = y + extra * np.random.default_rng(1).standard_normal(y.shape)
     folds, spread = [], _spread(history, longest)
     for share in ORIGINS:
         k = int(share * len(y))
         folds.append((_like(history, x[: k + 1], y[:k]), x[k], noisy[k:], x[k + 1 :], [len(y) - k], spread))
-    jobs = [(i, best.given | {"warm_start": warm}) for warm in (False, True) for i in range(len(folds))]
+    jobs = [(i, best.given | {"start": start}) for start in ("state", "recording") for i in range(len(folds))]
     errors = np.array([e[0] for e, _ in validate(folds, jobs)]).reshape(2, len(folds))
     usable = np.isfinite(errors).all(axis=0)
     if not usable.any():
-        return True
-    cold, warm = 0.5 * np.log(np.maximum(errors[:, usable], 1e-300)).mean(axis=1)
-    return bool(warm - BIAS["warm start"] <= cold)
+        return "recording"
+    grown, filled = 0.5 * np.log(np.maximum(errors[:, usable], 1e-300)).mean(axis=1)
+    return "recording" if filled - BIAS["recording"] <= grown else "state"
 
 
-def _tuning(history: History, ranked: list[_Candidate], warm: bool, default: _Candidate) -> Tuning:
+def _tuning(
+    history: History, ranked: list[_Candidate], start: Literal["recording", "state"], default: _Candidate
+) -> Tuning:
     best = ranked[0]
     est = DdMhe(history, **best.given)
     settings: dict[str, Any] = {"horizon": est.horizon, "rho": est.rho, "mu": est.mu, "weights": "scaled"}
-    settings |= {"space": est.space, "warm_start": warm}
+    settings["space"] = est.space
     if best.equilibrium:
         settings["equilibrium"] = best.given["equilibrium"]
-    return Tuning(
-        settings, best.score, _table(ranked), _words(ranked, default), [c.given for c in ranked], est.warnings
-    )
+    candidates = [c.given for c in ranked]
+    return Tuning(settings, best.score, _table(ranked), _words(ranked, default), start, candidates, est.warnings)
 
 
 def _table(ranked: list[_Candidate]) -> pd.DataFrame:

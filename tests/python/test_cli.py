@@ -42,7 +42,7 @@ def log(frame, tmp_path_factory):
 
 def estimates_of(recording, **settings):
     history = ddmhe.History(recording.x[: T + 1], recording.y[:T], dt=0.1)
-    return ddmhe.DdMhe(history, **settings).run(recording.y[T:-1])
+    return ddmhe.DdMhe(history, **{"start": "recording"} | settings).run(recording.y[T:-1])
 
 
 def test_estimate_writes_what_the_estimator_gives(recording, log, tmp_path):
@@ -86,10 +86,10 @@ def test_estimate_without_truth_prints_no_error_measures(frame, tmp_path):
 def test_options_override_the_configuration(recording, log, tmp_path):
     config = tmp_path / "est.toml"
     config.write_text("horizon = 12\nrho = 0.9\nmu = 3.0\nx_bounds = [-0.5, 0.5]\nspace = 'exact'\n")
-    options = ["--config", config, "--horizon", 8, "--space", "truncated:4", "--warm-start"]
+    options = ["--config", config, "--horizon", 8, "--space", "truncated:4", "--start-from", "state"]
     result = in_here("estimate", log, *COLUMNS, "--history", 20, *options, "--out", tmp_path / "est.csv")
     assert result.returncode == 0, result.stderr
-    settings = {"horizon": 8, "rho": 0.9, "mu": 3.0, "x_bounds": (-0.5, 0.5), "warm_start": True}
+    settings = {"horizon": 8, "rho": 0.9, "mu": 3.0, "x_bounds": (-0.5, 0.5), "start": "state"}
     expected = estimates_of(recording, **settings, space=ddmhe.Truncated(rank=4)).x
     np.testing.assert_allclose(pd.read_csv(tmp_path / "est.csv")[STATE], expected, rtol=1e-9, atol=1e-12)
     assert printed(result, "horizon M") == 8
@@ -102,7 +102,7 @@ def test_start_decimate_and_time_choose_the_rows(frame, recording, tmp_path):
     result = in_here("estimate", tmp_path / "log.csv", *COLUMNS, *options)
     assert result.returncode == 0, result.stderr
     x, y = recording.x[50::2], recording.y[50::2]
-    expected = ddmhe.DdMhe(ddmhe.History(x[:101], y[:100], dt=0.2)).run(y[100:-1]).x
+    expected = ddmhe.DdMhe(ddmhe.History(x[:101], y[:100], dt=0.2), start="recording").run(y[100:-1]).x
     written = pd.read_csv(tmp_path / "est.csv")
     np.testing.assert_allclose(written["t"], 100 + recording.t[50::2][101:], rtol=1e-12)
     np.testing.assert_allclose(written[STATE], expected, rtol=1e-6, atol=1e-9)

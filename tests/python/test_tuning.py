@@ -67,7 +67,7 @@ def test_the_scores_are_those_of_estimators_fitted_by_hand(tuned):
         for q in (1, 2):
             a, z = 50 * q, 50 * (q + 1)
             rest = ddmhe.History.concat([ddmhe.History(x[z:], y[z:]), ddmhe.History(x[: a + 1], y[:a])])
-            estimator = ddmhe.DdMhe(rest, **tuned.candidates[row], x_prior=x[a], warm_start=True)
+            estimator = ddmhe.DdMhe(rest, **tuned.candidates[row], start="recording")
             error = estimator.run(y[a:z]).x - x[a + 1 : z + 1]
             relative = np.sqrt(np.mean(np.mean(error**2, axis=0) / x.var(axis=0)))
             assert tuned.table[f"quarter {q + 1}"].iloc[row] == pytest.approx(relative, rel=1e-9)

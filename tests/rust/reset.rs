@@ -1,7 +1,7 @@
 //! A reset estimator is a new one, bit for bit, whatever came before; a copy and a restored one go on as the original does.
 
 use crate::systems::{modes, noise};
-use ddmhe_core::{Bounds, Center, Certificate, Config, DdMhe, Disturbance, History, Space};
+use ddmhe_core::{Bounds, Center, Certificate, Config, DdMhe, Disturbance, History, Space, Start};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
@@ -22,7 +22,8 @@ fn configs() -> Vec<Config> {
         plain.clone(),
         Config { x_bounds: within(2.0, 4), v_bounds: within(0.1, 3), ..plain.clone() },
         Config { x_bounds: within(0.05, 4), x_center: Center::History, ..plain.clone() },
-        Config { v_bounds: within(0.05, 3), warm_start: true, x_prior: Some(vec![0.1; 4]), ..plain.clone() },
+        Config { v_bounds: within(0.05, 3), start: Start::Recording, ..plain.clone() },
+        Config { v_bounds: within(0.05, 3), x_bounds: within(2.0, 4), start: Start::Unknown, ..plain.clone() },
         Config { space: Space::Truncated { rank: Some(6), tol: None }, v_bounds: within(0.08, 3), ..plain.clone() },
         Config { rho: None, mu: None, certificate: Some(certificate), disturbance, v_bounds: within(0.1, 3), ..plain },
     ]
@@ -32,13 +33,21 @@ fn configs() -> Vec<Config> {
 fn use_it(mhe: &mut DdMhe, y: &[f64], rng: &mut ChaCha8Rng) {
     let mut y = y.to_vec();
     let channel = rng.random_range(0..y.len());
-    match rng.random_range(0..12) {
+    match rng.random_range(0..13) {
         0 => y[channel] = f64::NAN,
         1 => y.fill(f64::NAN),
         2 => y[channel] = f64::MAX,
         3 => y[channel] = -1e9,
         4 => y[channel] = f64::INFINITY, // an error
         5 => mhe.reset(Some(&noise(rng.random_range(0..99), 4, 3.0))).unwrap(),
+        9 => {
+            let starts = [Start::State, Start::Recording, Start::Unknown];
+            let start = starts[rng.random_range(0..3)];
+            assert_eq!(
+                mhe.reset_from(start, None).is_ok(),
+                start != Start::Unknown || mhe.config().disturbance.is_none()
+            );
+        }
         6 => *mhe = mhe.clone(),
         7 => *mhe = DdMhe::restore(&mhe.snapshot()).unwrap(),
         8 => {
@@ -80,8 +89,8 @@ fn a_reset_estimator_is_a_new_one() {
         let fresh = DdMhe::new(&history, config.clone()).unwrap();
         let expected = seen(&mut fresh.clone(), &outputs);
         let elsewhere = noise(7, 4, 2.0);
-        let expected_elsewhere =
-            seen(&mut DdMhe::new(&history, Config { x_prior: Some(elsewhere.clone()), ..config }).unwrap(), &outputs);
+        let from_elsewhere = Config { x_prior: Some(elsewhere.clone()), start: Start::State, ..config };
+        let expected_elsewhere = seen(&mut DdMhe::new(&history, from_elsewhere).unwrap(), &outputs);
         let mut mhe = fresh.clone();
         for round in 0..40 {
             for _ in 0..rng.random_range(1..60) {

@@ -4,6 +4,7 @@ use crate::certificate::{Certificate, Disturbance};
 use crate::error::Error;
 use crate::history::{History, check_finite};
 use crate::space::Space;
+use crate::start::Start;
 use crate::tol;
 use serde::{Deserialize, Serialize};
 
@@ -60,8 +61,8 @@ pub struct Config {
     pub v_bounds: Option<Bounds>,
     /// A known rest (x_e, y_e), added to the data as constant windows when the recording is noisy.
     pub equilibrium: Option<(Vec<f64>, Vec<f64>)>,
-    /// Start with the window filled from the recording's end instead of growing it from 1 to M.
-    pub warm_start: bool,
+    /// Where a run starts; `x_prior` needs [`Start::State`].
+    pub start: Start,
     /// Which windows count as trajectories.
     pub space: Space,
     /// A certificate's weights 2η^M P and η^{j-1} R in the place of ρ and μ.
@@ -153,7 +154,9 @@ pub(crate) fn validate(history: &History, config: &Config) -> Result<(), Error> 
     }
     if let Some(x) = &config.x_prior {
         check_vector("x_prior", x, n)?;
+        check_start(config.start)?;
     }
+    check_beside(config, config.start)?;
     if let Some(bounds) = &config.x_bounds {
         check_box("x_bounds", bounds, &[n])?;
     }
@@ -165,6 +168,25 @@ pub(crate) fn validate(history: &History, config: &Config) -> Result<(), Error> 
         check_vector("equilibrium", y, p)?;
     }
     Ok(())
+}
+
+/// A state to start from belongs to one start alone.
+pub(crate) fn check_start(start: Start) -> Result<(), Error> {
+    match start {
+        Start::State => Ok(()),
+        other => Err(Error::value("start", "\"state\" beside x_prior, which is the state it starts from", other)),
+    }
+}
+
+/// An error bound begins with one on x̄(0), which an unknown start has not.
+pub(crate) fn check_beside(config: &Config, start: Start) -> Result<(), Error> {
+    match start {
+        Start::Unknown if config.disturbance.is_some() => {
+            let expected = "\"state\" or \"recording\" beside disturbance, which bounds the error of a known start";
+            Err(Error::value("start", expected, start))
+        }
+        _ => Ok(()),
+    }
 }
 
 pub(crate) fn check_vector(argument: &'static str, x: &[f64], len: usize) -> Result<(), Error> {

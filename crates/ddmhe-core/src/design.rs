@@ -9,6 +9,7 @@ use crate::hankel::check_excitation;
 use crate::history::History;
 use crate::reduction::Shape;
 use crate::space::{Penalty, Scaling, Selection, Space, WindowStack};
+use crate::start::Start;
 use crate::tol;
 use crate::watch::Watch;
 use crate::weights::Weights;
@@ -25,18 +26,18 @@ pub(crate) struct Design {
     pub weights: Weights,
     pub limits: Limits,
     pub problems: Vec<WindowProblem>, // of depth first, first + 1, …, M
-    pub first: usize,                 // 1; with a warm start the short ones may be missing
+    pub first: usize,                 // 1; without those that a start from the recording's end does not need
     pub rank: usize,                  // the highest of all depths
     pub spectral_radius: f64,
     pub warnings: Vec<String>,
     pub watch: Watch,
     pub bound: Option<ErrorBound>, // as it starts
-    centered: bool,
+    pub centered: bool,
 }
 
 impl Design {
-    /// As [`DdMhe::new`](crate::DdMhe::new).
-    pub fn new(history: &History, config: &Config) -> Result<Self, Error> {
+    /// As [`DdMhe::new`](crate::DdMhe::new), with the problems that runs from this start need.
+    pub fn new(history: &History, config: &Config, start: Start) -> Result<Self, Error> {
         validate(history, config)?;
         check_sizes(history)?;
         let scaling = Scaling::new(history)?;
@@ -46,11 +47,16 @@ impl Design {
         let (x_e, y_e) = rest.unwrap_or_default();
         check_reach("equilibrium", &scaling, x_e, y_e)?;
         let rule = Defaults::new(history, &scaling, rest);
-        Design::by(history, config, scaling, rule)
+        Design::by(history, config, start, (scaling, rule))
     }
 
     /// With these scales and this rule for what the configuration leaves open.
-    fn by(history: &History, config: &Config, scaling: Scaling, rule: Defaults) -> Result<Self, Error> {
+    fn by(
+        history: &History,
+        config: &Config,
+        start: Start,
+        (scaling, rule): (Scaling, Defaults),
+    ) -> Result<Self, Error> {
         let rest = config.equilibrium.as_ref().map(|(x, y)| (&x[..], &y[..]));
         let weights = Weights::new(config, &rule, &scaling)?;
         check_weights(&weights, config, &scaling)?;
@@ -85,7 +91,7 @@ impl Design {
             && !equilibrium_used
             && let Some((scaling, rule)) = challenge(history, &scaling, &rule, deepest.space.lambda)
         {
-            return Design::by(history, config, scaling, rule);
+            return Design::by(history, config, start, (scaling, rule));
         }
         let settings = Settings {
             horizon,
@@ -96,7 +102,7 @@ impl Design {
             lambda: deepest.space.lambda,
             equilibrium_used,
         };
-        let first = (filled(history, config, horizon) + 1).min(horizon);
+        let first = (filled(history, start, horizon) + 1).min(horizon);
         let mut problems = (first..horizon).map(|depth| problem(depth, &selection)).collect::<Result<Vec<_>, _>>()?;
         problems.push(deepest);
         let (watch, mut words) = Watch::new(history);
@@ -132,10 +138,15 @@ impl Design {
     }
 
     /// A full problem without the outputs that were not measured, factored anew.
-    pub fn without_missing(&self, full: &WindowProblem, outputs: &[f64]) -> Result<WindowProblem, Error> {
+    pub fn without_missing(
+        &self,
+        full: &WindowProblem,
+        weights: &Weights,
+        outputs: &[f64],
+    ) -> Result<WindowProblem, Error> {
         let measured: Vec<bool> = outputs.iter().map(|v| v.is_finite()).collect();
         let bounds = (self.limits.x.as_ref(), self.centered);
-        WindowProblem::new(full.shape, full.space.clone(), &self.scaling, &self.weights, bounds, Some(&measured))
+        WindowProblem::new(full.shape, full.space.clone(), &self.scaling, weights, bounds, Some(&measured))
             .map_err(factorisation)
     }
 }
@@ -263,10 +274,10 @@ fn warnings(config: &Config, settings: &Settings, spectral_radius: f64) -> Vec<S
     warnings
 }
 
-/// Outputs that are in the window before the first step: a warm start takes them from the last recording.
-pub(crate) fn filled(history: &History, config: &Config, horizon: usize) -> usize {
+/// Outputs that are in the window before the first step: those at the end of the last recording, if that is where it starts.
+pub(crate) fn filled(history: &History, start: Start, horizon: usize) -> usize {
     let recorded = history.outputs(history.recordings() - 1).len() / history.p();
-    if config.warm_start { recorded.min(horizon) } else { 0 }
+    if start == Start::Recording { recorded.min(horizon) } else { 0 }
 }
 
 /// The chosen space in normalised units.
@@ -296,7 +307,7 @@ fn stable(spectral_radius: f64) -> bool {
     spectral_radius <= tol::SPECTRAL_RADIUS
 }
 
-fn factorisation(_: faer::linalg::solvers::SvdError) -> Error {
+pub(crate) fn factorisation(_: faer::linalg::solvers::SvdError) -> Error {
     Error::rank(
         "history",
         "data whose singular values can be computed",

@@ -16,15 +16,19 @@
 
 use crate::active_set::{Kept, Side};
 use crate::certificate::ErrorBound;
-use crate::config::{Bounds, Config, Settings, check_box, check_measured, check_output, check_vector};
+use crate::config::{
+    Bounds, Config, Settings, check_beside, check_box, check_measured, check_output, check_start, check_vector,
+};
 use crate::design::{Design, check_reach, filled};
 use crate::error::Error;
 use crate::estimate::{Estimate, Log};
 use crate::history::{History, check_finite};
 use crate::memory::Memory;
 use crate::qp::Status;
+use crate::start::{Opening, Start};
 use crate::tol;
 use crate::watch::Seen;
+use crate::weights::Weights;
 use crate::window::{Data, Found, Scratch, WindowProblem};
 use std::sync::Arc;
 
@@ -32,6 +36,9 @@ use std::sync::Arc;
 pub struct DdMhe {
     design: Arc<Design>,
     config: Config,
+    start: Start, // of this run
+    opening: Option<Arc<Opening>>,
+    growing: usize, // the first steps, whose problems are those of the opening
     bound: Option<ErrorBound>,
     memory: Memory, // y(t-M_t) … y(t-1) and x̂(t-M_t) … x̂(t)
     kept: Kept,     // active bounds of the last step
@@ -45,6 +52,9 @@ impl Clone for DdMhe {
         let mut copy = DdMhe {
             design: Arc::clone(&self.design),
             config: self.config.clone(),
+            start: self.start,
+            opening: self.opening.clone(),
+            growing: self.growing,
             bound: self.bound.clone(),
             memory: self.memory.clone(),
             kept: self.kept.clone(),
@@ -64,8 +74,11 @@ impl DdMhe {
     /// [`Error::Value`], [`Error::Shape`] or [`Error::NotFinite`] naming the setting at fault; [`Error::Rank`] when the
     /// recording is too short for the horizon or violates the rank condition (7).
     pub fn new(history: &History, config: Config) -> Result<Self, Error> {
-        let design = Design::new(history, &config)?;
+        let design = Design::new(history, &config, config.start)?;
         let mut mhe = DdMhe {
+            start: config.start,
+            opening: None,
+            growing: 0,
             bound: design.bound.clone(),
             memory: Memory::new(history.n(), history.p(), design.settings.horizon, design.rank),
             kept: Kept::default(),
@@ -75,6 +88,7 @@ impl DdMhe {
             design: Arc::new(design),
             config,
         };
+        mhe.prepare(mhe.start)?;
         mhe.restart(None);
         Ok(mhe)
     }
@@ -126,15 +140,29 @@ impl DdMhe {
         Ok(log)
     }
 
-    /// Back to t = 0 as a new estimator, with another prior x̄(0) (n) if given: without one, that of the configuration.
+    /// Back to t = 0 as a new estimator: from x̄(0) (n) if given, otherwise from where the configuration says.
     ///
     /// # Errors
     /// [`Error::Shape`] or [`Error::NotFinite`] for `x_prior`.
     pub fn reset(&mut self, x_prior: Option<&[f64]>) -> Result<(), Error> {
+        let start = if x_prior.is_some() { Start::State } else { self.config.start };
+        self.reset_from(start, x_prior)
+    }
+
+    /// Back to t = 0 as an estimator that was made with this start, and with x̄(0) (n) if given. The first run from another start
+    /// than before may have to factor the problems that it needs.
+    ///
+    /// # Errors
+    /// [`Error::Shape`] or [`Error::NotFinite`] for `x_prior`; [`Error::Value`] for a start that contradicts it, or an unknown one
+    /// beside a disturbance. The estimator is then unchanged.
+    pub fn reset_from(&mut self, start: Start, x_prior: Option<&[f64]>) -> Result<(), Error> {
         if let Some(x) = x_prior {
             check_vector("x_prior", x, self.design.history.n())?;
             check_reach("x_prior", &self.design.scaling, x, &[])?;
+            check_start(start)?;
         }
+        check_beside(&self.config, start)?;
+        self.prepare(start)?;
         self.restart(x_prior);
         Ok(())
     }
@@ -162,6 +190,11 @@ impl DdMhe {
     /// Whether estimates carry an error bound; [`warnings`](Self::warnings) says why not, if one was asked for.
     pub fn is_bounded(&self) -> bool {
         self.bound.is_some()
+    }
+
+    /// Where this run started.
+    pub fn start(&self) -> Start {
+        self.start
     }
 
     /// Steps taken since the start or the last reset.
@@ -258,6 +291,21 @@ impl DdMhe {
         Ok(())
     }
 
+    /// Everything that a run from this start needs.
+    pub(crate) fn prepare(&mut self, start: Start) -> Result<(), Error> {
+        if start != Start::Recording && self.design.first > 1 {
+            let design = Design::new(&self.design.history, &self.config, start)?;
+            self.memory = Memory::new(self.n(), self.p(), design.settings.horizon, design.rank);
+            self.design = Arc::new(design);
+        }
+        if start == Start::Unknown && self.opening.is_none() {
+            self.opening = Some(Arc::new(Opening::new(&self.design, &self.config)?));
+        }
+        self.growing = if start == Start::Unknown { self.design.settings.horizon } else { 0 };
+        self.start = start;
+        Ok(())
+    }
+
     /// The state of a new estimator; nothing of what was before may reach a later number.
     fn restart(&mut self, x_prior: Option<&[f64]>) {
         let design = Arc::clone(&self.design);
@@ -269,11 +317,13 @@ impl DdMhe {
         self.kept = Kept::default();
         self.reserve();
         let last = history.recordings() - 1;
-        let filled = filled(history, &self.config, design.settings.horizon);
+        let filled = filled(history, self.start, design.settings.horizon);
         let (x, y) = (history.states(last), history.outputs(last));
         let mut states = x[x.len() - (filled + 1) * n..].to_vec();
-        if let Some(prior) = x_prior.or(self.config.x_prior.as_deref()) {
-            states[filled * n..].copy_from_slice(prior);
+        match (self.start, x_prior.or(self.config.x_prior.as_deref())) {
+            (Start::State, Some(prior)) => states.copy_from_slice(prior),
+            (Start::Unknown, _) => states.copy_from_slice(&scaling.mean_x),
+            _ => {}
         }
         let outputs = y[y.len() - filled * p..].chunks_exact(p).flat_map(|y| scaling.deviations(&[], y));
         self.refill(outputs, states.chunks_exact(n).flat_map(|x| scaling.deviations(x, &[])));
@@ -329,20 +379,32 @@ impl DdMhe {
         }
         self.t += 1;
         self.design.watch.note(&mut self.seen, y, self.t);
+        if self.t == self.growing {
+            self.smoothed();
+        }
         &self.estimate
+    }
+
+    /// From the first full window of a run from an unknown state on, x̄ of the instants in it are its own states.
+    #[cold]
+    fn smoothed(&mut self) {
+        let n = self.design.history.n();
+        let past = self.estimate.window.chunks_exact(n).take(self.memory.depth());
+        self.memory.replace_states(past.flat_map(|x| self.design.scaling.deviations(x, &[])));
     }
 
     /// The minimiser over the window in memory, into the scratch, and its fitted noise into the estimate.
     #[inline(always)]
     fn minimise(&mut self, x_bounds: Option<&Bounds>) -> Found {
         let (design, v) = (&*self.design, &mut self.estimate.v);
-        let (problem, data, mut scratch) = window(design, &mut self.memory, x_bounds);
+        let (problems, weights) = problems(design, self.opening.as_deref(), self.t < self.growing);
+        let (problem, data, mut scratch) = window(design, problems, &mut self.memory, x_bounds);
         v.resize(data.outputs.len(), 0.0);
-        let (weights, limits) = (&design.weights, &design.limits);
+        let limits = &design.limits;
         match problem.solve(weights, limits, &data, (&mut self.kept, &mut scratch), v) {
             Some(found) => found,
             None => design
-                .without_missing(problem, data.outputs)
+                .without_missing(problem, weights, data.outputs)
                 .ok()
                 .and_then(|problem| problem.solve(weights, limits, &data, (&mut self.kept, &mut scratch), v))
                 .unwrap_or_else(|| problem.rest(weights, &data, &mut scratch, v)),
@@ -361,7 +423,8 @@ impl DdMhe {
     fn hand_out(&mut self, found: Found) {
         let (design, estimate) = (&*self.design, &mut self.estimate);
         let (n, depth) = (design.history.n(), self.memory.depth());
-        let problem = &design.problems[depth - design.first];
+        let (problems, _) = problems(design, self.opening.as_deref(), self.t < self.growing);
+        let problem = &problems[depth - design.first];
         estimate.window.clear();
         estimate.window.extend(problem.in_user_units(self.memory.answer()));
         let window = &estimate.window;
@@ -396,8 +459,9 @@ impl DdMhe {
             *found = self.minimise_again(x_bounds);
         }
         if !found.sound {
-            let (problem, data, mut scratch) = window(&self.design, &mut self.memory, x_bounds);
-            *found = problem.rest(&self.design.weights, &data, &mut scratch, &mut self.estimate.v);
+            let (problems, weights) = problems(&self.design, self.opening.as_deref(), self.t < self.growing);
+            let (problem, data, mut scratch) = window(&self.design, problems, &mut self.memory, x_bounds);
+            *found = problem.rest(weights, &data, &mut scratch, &mut self.estimate.v);
         }
         found.status = status;
         anew
@@ -457,8 +521,18 @@ impl DdMhe {
 
     /// The estimate's window with its states moved into a box; None: the configured one.
     fn move_into(&mut self, x_bounds: Option<&Bounds>) {
-        let (problem, data, mut scratch) = window(&self.design, &mut self.memory, x_bounds);
+        let (problems, _) = problems(&self.design, self.opening.as_deref(), self.t < self.growing);
+        let (problem, data, mut scratch) = window(&self.design, problems, &mut self.memory, x_bounds);
         problem.confine(&self.design.limits, &data, &mut scratch, &mut self.estimate.window);
+    }
+}
+
+/// The problems of this step, from depth `design.first` on, and the weights they were made with.
+#[inline(always)]
+fn problems<'a>(design: &'a Design, opening: Option<&'a Opening>, growing: bool) -> (&'a [WindowProblem], &'a Weights) {
+    match opening {
+        Some(opening) if growing => (&opening.problems, &opening.weights),
+        _ => (&design.problems, &design.weights),
     }
 }
 
@@ -466,11 +540,12 @@ impl DdMhe {
 #[inline(always)]
 fn window<'a>(
     design: &'a Design,
+    problems: &'a [WindowProblem],
     memory: &'a mut Memory,
     x_bounds: Option<&'a Bounds>,
 ) -> (&'a WindowProblem, Data<'a>, Scratch<'a>) {
     let (depth, missing) = (memory.depth(), memory.missing());
     let (states, outputs, scratch) = memory.parts();
     let data = Data { prior: &states[..design.history.n()], outputs, missing, x_bounds };
-    (&design.problems[depth - design.first], data, scratch)
+    (&problems[depth - design.first], data, scratch)
 }

@@ -24,6 +24,7 @@ use crate::error::Error;
 use crate::estimate::Estimate;
 use crate::history::History;
 use crate::mhe::DdMhe;
+use crate::start::Start;
 use crate::watch::Seen;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
@@ -149,6 +150,7 @@ struct Snapshot {
     active: Vec<Side>,
     moves: bool,
     seen: Seen,
+    start: Start, // of the run, which reset may have changed
     t: usize,
     estimate: Estimate,
 }
@@ -167,6 +169,7 @@ impl DdMhe {
             active: active.to_vec(),
             moves,
             seen: self.seen().clone(),
+            start: self.start(),
             t: self.t(),
             estimate: self.estimate().clone(),
         };
@@ -181,6 +184,7 @@ impl DdMhe {
         let snapshot: Snapshot = from_bytes(Kind::Estimator, blob)?;
         let history = snapshot.history.revalidated()?;
         let mut mhe = DdMhe::new(&history, snapshot.config)?;
+        mhe.prepare(snapshot.start)?;
         mhe.resume(
             (&snapshot.outputs, &snapshot.states),
             snapshot.bounds,

@@ -128,3 +128,7 @@ pub const BOUND: f64 = 1e80;
 
 /// Samples without an output in a row after which a new output is believed rather than those before them that it contradicts.
 pub const DOUBTS: usize = 3;
+
+/// Outputs are taken to deviate from the recording's by at least this share of their spread at an unknown start: without any
+/// deviation its prior has no weight, and an output of the first window that hardly tells two states apart would decide.
+pub const START_NOISE: f64 = 1e-4;

@@ -4,6 +4,7 @@ use crate::config::{Config, check_vector};
 use crate::error::Error;
 use crate::history::{History, check_finite};
 use crate::mhe::DdMhe;
+use crate::start::Start;
 use rayon::prelude::*;
 
 /// A part of a recording to learn from, and another to estimate.
@@ -11,7 +12,7 @@ use rayon::prelude::*;
 pub struct Fold {
     /// What the estimator learns from.
     pub history: History,
-    /// The state before the first estimate (n).
+    /// The state before the first estimate (n), for settings that start from a state.
     pub x_prior: Vec<f64>,
     /// Outputs to estimate from, N·p, time-major; NaN where not measured. None at all: only the stability is looked at.
     pub outputs: Vec<f64>,
@@ -59,7 +60,7 @@ impl Fold {
 
     fn score(&self, config: &Config) -> Option<Score> {
         let mut config = config.clone();
-        config.x_prior = Some(self.x_prior.clone());
+        config.x_prior = (config.start == Start::State).then(|| self.x_prior.clone());
         let mut mhe = DdMhe::new(&self.history, config).ok()?;
         let spectral_radius = mhe.spectral_radius();
         let log = mhe.run(&self.outputs).ok()?;
@@ -74,7 +75,7 @@ impl Fold {
     }
 }
 
-/// Scores of (fold, setting) pairs, in their order, on all cores; `x_prior` of a setting is replaced by the fold's.
+/// Scores of (fold, setting) pairs, in their order, on all cores; `x_prior` of a setting that starts from a state is the fold's.
 ///
 /// # Errors
 /// [`Error::Value`] for a fold that does not exist, and as [`Fold::check`]. A setting that a fold is too short for is no error but an

@@ -17,7 +17,9 @@ pub(crate) struct Weights {
     prior: Mat<f64>, // U with P = UᵀU: n × n
     noise: Mat<f64>, // U with R = UᵀU: p × p
     R: Mat<f64>,
-    plain: bool, // P and R are diagonal
+    plain: bool,       // R is diagonal
+    plain_prior: bool, // P is
+    opening: bool,     // the prior is that of an unknown start
     /// What a scaled output is multiplied with where all outputs are to count alike: 1, or to the user's units.
     pub alike: Vec<f64>,
 }
@@ -54,7 +56,17 @@ impl Weights {
     fn diagonal(rho: f64, unit: f64, prior: &[f64], noise: &[f64], alike: Vec<f64>) -> Self {
         let matrix =
             |d: &[f64], power: i32| Mat::from_fn(d.len(), d.len(), |i, j| if i == j { d[i].powi(power) } else { 0.0 });
-        Weights { rho, unit, prior: matrix(prior, 1), noise: matrix(noise, 1), R: matrix(noise, 2), plain: true, alike }
+        Weights {
+            rho,
+            unit,
+            prior: matrix(prior, 1),
+            noise: matrix(noise, 1),
+            R: matrix(noise, 2),
+            plain: true,
+            plain_prior: true,
+            opening: false,
+            alike,
+        }
     }
 
     /// A certificate's P and R, in cost units of `unit`. None unless both are positive definite.
@@ -71,6 +83,8 @@ impl Weights {
             noise: factor(&R, p)?,
             R: Mat::from_fn(p, p, |i, j| R[i * p + j]),
             plain: false,
+            plain_prior: false,
+            opening: false,
             alike,
         })
     }
@@ -94,9 +108,25 @@ impl Weights {
         })
     }
 
+    /// Mean over the output channels of their weight times these variances.
+    pub fn mean_cost(&self, variances: &[f64]) -> f64 {
+        let costs = variances.iter().enumerate().map(|(i, variance)| self.R[(i, i)] * variance);
+        costs.sum::<f64>() / variances.len() as f64
+    }
+
+    /// The same for a run from an unknown state: UᵀU is the weight of its first prior, at every depth.
+    pub fn opening(&self, U: Mat<f64>) -> Self {
+        Weights { prior: U, plain_prior: false, opening: true, ..self.clone() }
+    }
+
+    /// 2ρ^m; 1 for the prior of an unknown start.
+    pub fn discount(&self, depth: usize) -> f64 {
+        if self.opening { 1.0 } else { 2.0 * self.rho.powi(depth as i32) }
+    }
+
     /// √ of the prior's weight in a window of depth m (n × n).
     pub fn prior(&self, depth: usize) -> Mat<f64> {
-        &self.prior * faer::Scale((2.0 * self.rho.powi(depth as i32)).sqrt())
+        &self.prior * faer::Scale(self.discount(depth).sqrt())
     }
 
     /// √ of the weight of y(t-j), j = `age` (p × p).
@@ -160,7 +190,7 @@ impl Weights {
     /// ‖moved‖²_P in scaled units.
     #[inline(always)]
     pub fn prior_size(&self, moved: &[f64]) -> f64 {
-        if !self.plain {
+        if !self.plain_prior {
             return norm(&self.prior, moved).powi(2);
         }
         moved.iter().enumerate().map(|(i, moved)| (self.prior[(i, i)] * moved).powi(2)).sum()

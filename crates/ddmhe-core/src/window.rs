@@ -84,7 +84,7 @@ pub(crate) struct WindowProblem {
     center: Option<(Vec<f64>, Panels)>, // z_c = z_c0 + K_c y
     x_lo: Vec<f64>,
     x_hi: Vec<f64>,
-    prior_weight: f64,       // 2ρ^m of (17), of a distance in scaled units
+    prior_weight: f64,       // 2ρ^m of (17), of a distance in scaled units (1 at an unknown start)
     noise: Option<Vec<f64>>, // weights on the square of each v in the user's units, but for a certificate's R
     s_y: Vec<f64>,           // of each output of the window
     per_s_x: Vec<f64>,       // 1 / s_x
@@ -165,7 +165,7 @@ impl WindowProblem {
             rows: Rows::new(rows.as_ref(), offset, unit),
             x_lo: unbounded(f64::NEG_INFINITY),
             x_hi: unbounded(f64::INFINITY),
-            prior_weight: 2.0 * weights.rho.powi(depth as i32) * weights.unit,
+            prior_weight: weights.discount(depth) * weights.unit,
             noise: weights.diagonal_noise(depth, s_y),
             s_y: s_y.repeat(depth),
             per_s_x: s_x.iter().map(|s| 1.0 / s).collect(),
@@ -575,7 +575,7 @@ mod tests {
         let mut rng = ChaCha8Rng::seed_from_u64(2);
         let history = history(&mut rng);
         for config in configs() {
-            let design = Design::new(&history, &config).unwrap();
+            let design = Design::new(&history, &config, config.start).unwrap();
             let full = design.problem(12).unwrap();
             let (mut compared, mut bound) = (0, 0);
             for _ in 0..300 {
@@ -592,7 +592,7 @@ mod tests {
                         problem.solve(&design.weights, &design.limits, &data, (&mut kept, &mut scratch), &mut v)?;
                     Some((found, scratch.window[..52].to_vec(), v))
                 };
-                let anew = solve(&design.without_missing(full, &y).unwrap()).unwrap();
+                let anew = solve(&design.without_missing(full, &design.weights, &y).unwrap()).unwrap();
                 let Some(quick) = solve(full) else { continue };
                 compared += 1;
                 bound += usize::from(quick.0.active > 0);

@@ -2,14 +2,14 @@
 
 use crate::certificate;
 use crate::convert::{
-    DdmheError, Numbers, ShapeError, array1, array2, bounds, flag, number, pair, raise, shown, whole, writable,
+    DdmheError, Numbers, ShapeError, array1, array2, bounds, flag, number, pair, raise, shown, text, whole, writable,
 };
 use crate::exclusive::Exclusive;
 use crate::history::History;
 use crate::pickle::{Made, bytes, made};
 use crate::spaces;
 use ddmhe_core::snapshot::{Kind, from_bytes, to_bytes};
-use ddmhe_core::{Bounds, Center, Config, Space, Weighting};
+use ddmhe_core::{Bounds, Center, Config, Space, Start, Weighting};
 use numpy::{Ix1, Ix2, PyArray1, PyArray2, PyArrayMethods, PyUntypedArrayMethods};
 use pyo3::PyTypeInfo;
 use pyo3::prelude::*;
@@ -32,7 +32,7 @@ use std::sync::MutexGuard;
 /// mu : float > 0, optional
 ///     Weight on the fitted noise, as in (17): unit (unit of x / unit of y)**2, or none with weights="scaled".
 /// x_prior : array (n,), optional
-///     Prior state at t = 0; default the last recorded state.
+///     Prior state at t = 0; default the last recorded state. Given, it means start="state".
 /// x_bounds : (lo, hi), optional
 ///     Box on every state of the window; each side a scalar or (n,); infinite = no bound.
 /// x_center : None or "history"
@@ -42,8 +42,8 @@ use std::sync::MutexGuard;
 ///     Box on the fitted noise; each side a scalar or (p,).
 /// equilibrium : (x_e, y_e), optional
 ///     A known rest of the system, added to the data as constant windows if the recording is noisy.
-/// warm_start : bool
-///     False: the window grows from 1 to M. True: it starts filled from the recording's end.
+/// warm_start : bool, optional
+///     The old name: True is start="recording" (beside x_prior, which then counts: "state"), False is start="state".
 /// space : "auto" | Exact() | Truncated(rank, tol) | Ridge(weight)
 ///     Which windows count as trajectories of the system.
 /// certificate : ddmhe.design.Certificate, optional
@@ -56,6 +56,11 @@ use std::sync::MutexGuard;
 ///     What rho and mu are meant in. "paper": (17) in the units of x and y, as printed. "scaled": every channel in units of its own
 ///     scale (channels of one unit share theirs), so that mu has no unit. "auto": "paper" beside an explicit rho or mu or a
 ///     certificate, else "scaled".
+/// start : "recording" | "state" | "unknown", optional
+///     Where a run starts. "recording": where the recording ends; the log goes on from there, and the window starts filled from
+///     the recording's end. "state": from x_prior, believed as much as any prior in (17); the window grows from 1 to M.
+///     "unknown": anywhere; the window grows from a prior that is as wide as the recorded states. Neither start nor x_prior
+///     given: Algorithm 1 with the last recorded state as prior, which assumes that the run starts at (or near) that state.
 ///
 /// Raises
 /// ------
@@ -80,8 +85,8 @@ impl DdMhe {
 impl DdMhe {
     #[new]
     #[pyo3(
-        signature = (history, horizon=None, rho=None, mu=None, x_prior=None, x_bounds=None, x_center=None, v_bounds=None, equilibrium=None, warm_start=None, space=None, certificate=None, disturbance=None, *, weights=None),
-        text_signature = "(history, horizon=None, rho=None, mu=None, x_prior=None, x_bounds=None, x_center=None, v_bounds=None, equilibrium=None, warm_start=False, space='auto', certificate=None, disturbance=None, *, weights='auto')"
+        signature = (history, horizon=None, rho=None, mu=None, x_prior=None, x_bounds=None, x_center=None, v_bounds=None, equilibrium=None, warm_start=None, space=None, certificate=None, disturbance=None, *, weights=None, start=None),
+        text_signature = "(history, horizon=None, rho=None, mu=None, x_prior=None, x_bounds=None, x_center=None, v_bounds=None, equilibrium=None, warm_start=None, space='auto', certificate=None, disturbance=None, *, weights='auto', start=None)"
     )]
     #[allow(clippy::too_many_arguments)]
     fn new(
@@ -100,6 +105,7 @@ impl DdMhe {
         certificate: Option<&Bound<'_, PyAny>>,
         disturbance: Option<&Bound<'_, PyAny>>,
         weights: Option<&Bound<'_, PyAny>>,
+        start: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Self> {
         let history = cast_history("history", history)?;
         let (n, p) = (history.core.n(), history.core.p());
@@ -112,7 +118,7 @@ impl DdMhe {
             x_center: x_center.map_or(Ok(Center::Absolute), center)?,
             v_bounds: v_bounds.map(|v| bounds("v_bounds", v, p, None)).transpose()?,
             equilibrium: equilibrium.map(|v| rest(v, n, p)).transpose()?,
-            warm_start: warm_start.map_or(Ok(false), |v| flag("warm_start", v))?,
+            start: started(start, warm_start, x_prior.is_some())?,
             space: space.map_or(Ok(Space::Auto), spaces::space)?,
             certificate: certificate.map(|c| certificate::certificate(c, n, p)).transpose()?,
             disturbance: disturbance.map(certificate::disturbance).transpose()?,
@@ -214,12 +220,23 @@ impl DdMhe {
         Log::new(py, log, n, core.is_bounded(), x)
     }
 
-    /// Back to t = 0, with another prior state if given.
-    #[pyo3(signature = (x_prior=None))]
-    fn reset(&self, x_prior: Option<&Bound<'_, PyAny>>) -> PyResult<()> {
+    /// Back to t = 0: from x_prior (n,), or with another start, as in DdMhe; with neither, as constructed.
+    #[pyo3(signature = (x_prior=None, start=None))]
+    fn reset(
+        &self,
+        py: Python<'_>,
+        x_prior: Option<&Bound<'_, PyAny>>,
+        start: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<()> {
         let mut core = self.core()?;
+        let core = &mut *core;
         let prior = x_prior.map(|v| Numbers::vector("x_prior", v, core.n())).transpose()?;
-        core.reset(prior.as_deref()).map_err(raise)
+        let given = start.map(self::start).transpose()?;
+        py.detach(|| match given {
+            Some(start) => core.reset_from(start, prior.as_deref()),
+            None => core.reset(prior.as_deref()),
+        })
+        .map_err(raise)
     }
 
     /// The estimator with its recording and its window as bytes; see restore.
@@ -328,6 +345,27 @@ impl DdMhe {
 pub fn cast_history<'a>(argument: &str, value: &'a Bound<'_, PyAny>) -> PyResult<&'a History> {
     let wrong = |_| DdmheError::new_err(format!("{argument}: expected a History, found {}", value.get_type()));
     Ok(value.cast::<History>().map_err(wrong)?.get())
+}
+
+/// The start asked for, by its name or by the old one.
+fn started(start: Option<&Bound<'_, PyAny>>, warm_start: Option<&Bound<'_, PyAny>>, x_prior: bool) -> PyResult<Start> {
+    match (start, warm_start) {
+        (Some(_), Some(_)) => {
+            Err(DdmheError::new_err("warm_start: expected none beside start, of which it is the old name, found both"))
+        }
+        (Some(given), None) => self::start(given),
+        (None, Some(warm)) if flag("warm_start", warm)? && !x_prior => Ok(Start::Recording),
+        _ => Ok(Start::State),
+    }
+}
+
+/// A start by its name.
+pub fn start(value: &Bound<'_, PyAny>) -> PyResult<Start> {
+    let found = text("start", value)?;
+    let known = [("recording", Start::Recording), ("state", Start::State), ("unknown", Start::Unknown)];
+    known.iter().find(|(name, _)| *name == found).map(|(_, start)| *start).ok_or_else(|| {
+        DdmheError::new_err(format!("start: expected \"recording\", \"state\" or \"unknown\", found {found:?}"))
+    })
 }
 
 fn center(value: &Bound<'_, PyAny>) -> PyResult<Center> {

@@ -1,7 +1,7 @@
 //! `ddmhe._core.validate`: settings tried on parts of a recording, for `ddmhe.tune`.
 
-use crate::convert::{DdmheError, Numbers, flag, number, raise, whole};
-use crate::mhe::{cast_history, rest, weighting};
+use crate::convert::{DdmheError, Numbers, number, raise, whole};
+use crate::mhe::{cast_history, rest, start, weighting};
 use crate::spaces;
 use ddmhe_core::Config;
 use ddmhe_core::validation::{self, Fold, Score};
@@ -17,7 +17,7 @@ type Held<'py> =
 ///
 /// A fold is (history, x_prior, outputs, truth, spans, spread).
 ///
-/// Settings are keywords of DdMhe: horizon, rho, mu, weights, space, equilibrium, warm_start. A setting that cannot be used scores inf.
+/// Settings are keywords of DdMhe: horizon, rho, mu, weights, space, equilibrium, start. A setting that cannot be used scores inf.
 #[pyfunction]
 pub fn validate(
     py: Python<'_>,
@@ -53,7 +53,7 @@ fn config(given: &Bound<'_, PyDict>, n: usize, p: usize) -> PyResult<Config> {
             "mu" => config.mu = Some(number("mu", &value)?),
             "equilibrium" => config.equilibrium = Some(rest(&value, n, p)?),
             "weights" => config.weights = weighting(&value)?,
-            "warm_start" => config.warm_start = flag("warm_start", &value)?,
+            "start" => config.start = start(&value)?,
             "space" => config.space = spaces::space(&value)?,
             other => return Err(DdmheError::new_err(format!("jobs: expected a setting of DdMhe, found {other}"))),
         }

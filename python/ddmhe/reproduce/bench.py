@@ -108,8 +108,8 @@ def estimators(history: History, bench: Bench, x_0: Array, mu: float, seed: int)
     """What takes part, by name; `seed` draws the centres of Dd-KMHE."""
     box: dict[str, Any] = {"x_bounds": (-BOX, BOX), "x_center": "history"}
     return {
-        MHE: lambda: DdMhe(history, M, RHO, mu, space=Truncated(1), **box),
-        DEFAULTS: lambda: DdMhe(history, **box),
+        MHE: lambda: DdMhe(history, M, RHO, mu, space=Truncated(1), start="state", **box),
+        DEFAULTS: lambda: DdMhe(history, start="state", **box),
         KMHE: lambda: KoopmanMhe(history, M, RHO, mu, seed=seed),
         ESKF: lambda: ErrorStateKalman(history, 1e5, 1e3),
         TUNED: lambda: ErrorStateKalman(history),

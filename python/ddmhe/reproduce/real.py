@@ -62,13 +62,14 @@ def estimators(history: History) -> Mapping[str, Callable[[], Any]]:
     def tuned() -> DdMhe:
         from ddmhe.tuning import tune
 
-        return DdMhe(history, **tune(history, progress=False).settings)
+        found = tune(history, progress=False)
+        return DdMhe(history, **found.settings, start=found.start)
 
     return {
-        "Dd-MHE, defaults": lambda: DdMhe(history),
-        "Dd-MHE, defaults, warm start": lambda: DdMhe(history, warm_start=True),
+        "Dd-MHE, defaults": lambda: DdMhe(history, start="state"),
+        "Dd-MHE, defaults, warm start": lambda: DdMhe(history, start="recording"),
         "Dd-MHE, tuned": tuned,
-        "Dd-MHE, paper's weights": lambda: DdMhe(history, 20, 0.9, 1e5),
+        "Dd-MHE, paper's weights": lambda: DdMhe(history, 20, 0.9, 1e5, start="state"),
         "Dd-KMHE, paper's weights": lambda: KoopmanMhe(history, 20, 0.9, 1e5),
         "Dd-KMHE, tuned": lambda: KoopmanMhe(history, 30, 0.95, 1e-2),
         "Dd-ESKF, Q = 1e5, R = 1e3": lambda: ErrorStateKalman(history, 1e5, 1e3),

@@ -53,8 +53,8 @@ def estimators(history: History, model: models.Detumbling, recorded: float, nois
     prior = max(recorded, 1e-6)
     printed = demo.PAPER["horizon"], demo.PAPER["rho"], demo.PAPER["mu"]
     return {
-        MHE: lambda: DdMhe(history, **box, **demo.PAPER),
-        DEFAULTS: lambda: DdMhe(history, **box),
+        MHE: lambda: DdMhe(history, start="state", **box, **demo.PAPER),
+        DEFAULTS: lambda: DdMhe(history, start="state", **box),
         KMHE: lambda: KoopmanMhe(history, *printed, seed=seed),
         TUNED_KMHE: lambda: KoopmanMhe(history, 30, 0.95, 1e-2, seed=seed),
         ESKF: lambda: ErrorStateKalman(history, 1e5, 1e3),

@@ -1,0 +1,118 @@
+//! Where a run starts.
+//!
+//! A run from an *unknown* state has the recording's mean x̄ for its first prior, and the spread of the recorded states for
+//! what that is worth: with Σ_x their covariance, P₀ = 10 Σ_x and σ_v² the variance that an affine function of x leaves of
+//! the recorded outputs, the cost of the growing windows (t ≤ M) is
+//!
+//! > μ σ_v² ‖x̂(0) - x̄‖²_{P₀⁻¹} + Σ_{j=1..t} ρ^{j-1} μ ‖v̂(t-j)‖²
+//!
+//! so that μ ‖v̂‖² and the prior are in the same proportion as the squares of the noise and of the spread; with unlike weights of
+//! the outputs, μ σ_v² is the mean of their products. The prior has no
+//! discount: it is one of x(0), however long the window has become. For M < t ≤ 2M the prior is x̂(t-M | M), the first full
+//! window's: x̂(t-M), which was made from t-M outputs only, would be believed as much as one made from M, and the start be
+//! remembered for ever. From t = 2M on the two are one, and x̄(t-M) = x̂(t-M) as in Algorithm 1.
+//!
+//! *An exact recording* leaves σ_v² = 0, and the prior no weight at all: [`tol::START_NOISE`] is what outputs are taken to
+//! deviate by at least.
+
+use crate::config::Config;
+use crate::design::{Design, factorisation};
+use crate::error::Error;
+use crate::history::History;
+use crate::space::Scaling;
+use crate::tol;
+use crate::weights::Weights;
+use crate::window::WindowProblem;
+use faer::linalg::solvers::SolveLstsq;
+use faer::{Mat, Side};
+use serde::{Deserialize, Serialize};
+
+/// P₀ in units of the covariance of the recorded states.
+const SPREAD: f64 = 10.0;
+
+/// Where a run starts.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+pub enum Start {
+    /// From a known state, `x_prior` or the last recorded one, with the weight that (17) gives every prior; the window grows
+    /// from 1 to M (Algorithm 1).
+    #[default]
+    State,
+    /// Where the recording ends: the run goes on from there, with a window filled from its end.
+    Recording,
+    /// Anywhere: the window grows from a prior that is as wide as the recorded states.
+    Unknown,
+}
+
+impl std::fmt::Display for Start {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(match self {
+            Start::State => "\"state\"",
+            Start::Recording => "\"recording\"",
+            Start::Unknown => "\"unknown\"",
+        })
+    }
+}
+
+/// The problems of the growing windows of a run from an unknown state.
+pub(crate) struct Opening {
+    pub problems: Vec<WindowProblem>, // of depth 1, …, M
+    pub weights: Weights,
+}
+
+impl Opening {
+    /// From a design that holds all depths.
+    pub fn new(design: &Design, config: &Config) -> Result<Self, Error> {
+        let (history, scaling) = (&design.history, &design.scaling);
+        let U = inverse_factor(&spread(history, scaling))
+            .ok_or_else(|| Error::rank("history", "states with a covariance", "none that can be factored"))?;
+        let noise = design.weights.mean_cost(&residual(history, scaling));
+        let weights = design.weights.opening(U * faer::Scale((noise / SPREAD).sqrt()));
+        let bounds = (config.x_bounds.as_ref(), design.centered);
+        let problem = |p: &WindowProblem| WindowProblem::new(p.shape, p.space.clone(), scaling, &weights, bounds, None);
+        let problems = design.problems.iter().map(problem).collect::<Result<Vec<_>, _>>().map_err(factorisation)?;
+        Ok(Opening { problems, weights })
+    }
+}
+
+/// Covariance of the recorded states, in scaled units, with enough of a diagonal to have an inverse.
+fn spread(history: &History, scaling: &Scaling) -> Mat<f64> {
+    let n = history.n();
+    let mut S = Mat::zeros(n, n);
+    let mut samples = 0.0;
+    for x in (0..history.recordings()).flat_map(|i| history.states(i).chunks_exact(n)) {
+        let d: Vec<f64> = scaling.deviations(x, &[]).collect();
+        (0..n * n).for_each(|k| S[(k / n, k % n)] += d[k / n] * d[k % n]);
+        samples += 1.0;
+    }
+    S *= faer::Scale(1.0 / samples);
+    let floor = 1e-9 * S.diagonal().column_vector().iter().sum::<f64>() / n as f64;
+    (0..n).for_each(|i| S[(i, i)] += floor);
+    S
+}
+
+/// U with UᵀU = S⁻¹.
+fn inverse_factor(S: &Mat<f64>) -> Option<Mat<f64>> {
+    let n = S.nrows();
+    let llt = S.llt(Side::Lower).ok()?;
+    let mut U = Mat::from_fn(n, n, |i, j| if i == j { 1.0 } else { 0.0 });
+    llt.L().solve_lower_triangular_in_place(U.as_mut());
+    Some(U)
+}
+
+/// σ_v²: variance of what an affine function of x(k) leaves of each channel of y(k), in scaled units; all of it where the recording
+/// has no degree of freedom left to tell.
+fn residual(history: &History, scaling: &Scaling) -> Vec<f64> {
+    let (n, p) = (history.n(), history.p());
+    let samples: Vec<Vec<f64>> = (0..history.recordings())
+        .flat_map(|i| history.states(i).chunks_exact(n).zip(history.outputs(i).chunks_exact(p)))
+        .map(|(x, y)| scaling.deviations(x, y).collect())
+        .collect();
+    let count = samples.len();
+    let of = |first: usize, columns: usize| Mat::from_fn(count, columns, |i, j| samples[i][first + j]);
+    let (mut X, Y) = (Mat::from_fn(count, n + 1, |_, _| 1.0), of(n, p));
+    X.subcols_mut(0, n).copy_from(of(0, n));
+    let (rest, freedom) =
+        if count > n + 1 { (&Y - &X * X.col_piv_qr().solve_lstsq(&Y), count - n - 1) } else { (Y, count) };
+    let least = |i: usize| tol::START_NOISE * scaling.unit_y[i] / scaling.s_y[i];
+    (0..p).map(|i| (rest.col(i).squared_norm_l2() / freedom as f64).max(least(i).powi(2))).collect()
+}
