@@ -80,7 +80,8 @@ class Tuning:
     `DdMhe(h, **tuning.settings, start=tuning.start)` for a run that goes on where the recording ends."""
 
     settings: dict[str, Any]
-    """Keywords of DdMhe: horizon, rho, mu, weights, space, and equilibrium where it was chosen. They hold for every start."""
+    """Keywords of DdMhe: horizon, rho, mu, weights, space, and equilibrium where it was chosen. They hold for every
+    start."""
     score: float
     """Mean over the quarters of log(rms error / spread of the states): 0 is no better than their mean."""
     table: pd.DataFrame

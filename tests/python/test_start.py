@@ -99,8 +99,8 @@ def test_an_oscillator_from_an_unknown_state(x_noise):
 
 def test_the_first_estimate_is_the_minimiser_with_the_spread_as_prior():
     """One output, exact space: a Bayesian estimate by hand, μ and ρ as given."""
-    h, mu = recorded(3), 2.0
-    x, y = h.recordings[0]
+    mu, (x, y) = 2.0, recorded(3).recordings[0]
+    h = ddmhe.History(x, y, x_units=["m", "m"])  # one scale, their pooled deviation
     s_x, s_y = np.sqrt(np.mean(x.var(axis=0))), y.std()
     regressor = np.column_stack([x[:-1], np.ones(T)])
     noise = y - regressor @ np.linalg.lstsq(regressor, y, rcond=None)[0]
