@@ -44,7 +44,7 @@ if TYPE_CHECKING:
 
 __version__ = _version("ddmhe")
 
-# What needs cvxpy is loaded on first use: it takes longer to import than an estimator to build.
+# Loaded on first use, as cvxpy is by what runs a programme: they take longer to import than an estimator to build.
 _MODULES = ("baselines", "design", "interval")
 _LAZY = {name: f"ddmhe.{name}" for name in _MODULES} | {"tune": "ddmhe.tuning", "Tuning": "ddmhe.tuning"}
 

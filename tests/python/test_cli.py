@@ -2,6 +2,8 @@
 
 import os
 import re
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -203,6 +205,20 @@ def test_help_and_version():
         result = in_here(*command, "--help")
         assert result.returncode == 0
         assert "Usage: ddmhe" in result.stdout
+
+
+IMPORTS = """
+import sys
+import ddmhe.cli
+print(sorted({"cvxpy", "matplotlib", "scipy"} & set(sys.modules)))
+import ddmhe.baselines, ddmhe.design, ddmhe.interval  # a certificate from a file, an observer with a given gain
+print(sorted({"cvxpy", "matplotlib"} & set(sys.modules)))
+"""
+
+
+def test_what_takes_long_to_import_is_imported_when_it_is_used():
+    done = subprocess.run([sys.executable, "-c", IMPORTS], capture_output=True, text=True, timeout=120)
+    assert (done.stdout, done.stderr) == ("[]\n[]\n", "")
 
 
 BASE = ["estimate", "log.csv", *COLUMNS, "--history", "20"]

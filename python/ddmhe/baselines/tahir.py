@@ -11,7 +11,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-import cvxpy as cp
 import numpy as np
 import scipy.linalg
 from numpy.typing import ArrayLike, NDArray
@@ -156,6 +155,8 @@ class TahirIntervalObserver:
 
     def _designed(self, lams: list[float]) -> Array:
         """L that minimises the peak-to-peak gain of the width's comparison system, over diagonal P and the λ given."""
+        import cvxpy as cp
+
         s = self.system
         A = self.T @ s.A @ self._T_inv
         middle = self.T @ (0.5 * (s.j_lo + s.j_hi)) @ self._T_inv

@@ -17,7 +17,6 @@ import warnings
 from dataclasses import replace
 from typing import Any
 
-import cvxpy as cp
 import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
@@ -55,6 +54,8 @@ def _storage(system: ConsistentSet, P: Any, R: Any, tau: Any, eta: float) -> Any
 
 def _inequality(system: ConsistentSet, P: Any, Q: Any, R: Any, tau: Any, eta: float) -> Any:
     """-Φ on (d, s, w): positive semidefinite if and only if (L) holds for every system of the set."""
+    import cvxpy as cp
+
     F, _ = _operators(system)
     S, cross = _storage(system, P, R, tau, eta), -F.T @ P
     if isinstance(S, np.ndarray):
@@ -142,6 +143,8 @@ def _programme(
     margin: float,
 ) -> tuple[Array, Array, float] | None:
     """P, R, τ of the programme in balanced coordinates; None unless the solver calls them (nearly) optimal."""
+    import cvxpy as cp
+
     n, p = len(system.A), len(system.C)
     P, Q = cp.Variable((n, n), symmetric=True), cp.Variable((n, n), symmetric=True)
     R = cp.Variable((p, p), symmetric=True)

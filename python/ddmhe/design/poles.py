@@ -16,7 +16,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
-import cvxpy as cp
 import numpy as np
 import scipy.linalg
 from numpy.typing import ArrayLike, NDArray
@@ -327,6 +326,8 @@ def _programme(data: _DualData, region: Region, Q: Array, R: Array) -> _Solution
 
 def _solve(data: _DualData, region: Region, Q: Array, R: Array, symmetric: bool) -> _Solution | None:
     """One solution of (56), unchecked; None if the solver finds no point."""
+    import cvxpy as cp
+
     n, p = data.X0.shape[0], data.U0.shape[0]
     # X in the scale of the data, so that X0dl X is of size 1
     unit = 1 / max(float(np.linalg.norm(data.X0, 2)), 1e-300)
@@ -358,12 +359,16 @@ def _solve(data: _DualData, region: Region, Q: Array, R: Array, symmetric: bool)
 
 def _positive(A: Any, B: Any, D: Any) -> Any:
     """[[A, B], [Bᵀ, D]] ≻ 0 with a margin."""
+    import cvxpy as cp
+
     block = cp.bmat([[A, B], [B.T, D]])
     return 0.5 * (block + block.T) >> MARGIN * np.eye(block.shape[0])
 
 
 def _inside(region: Region, S: Any, Y: Any) -> Any:
     """L ⊗ S + M ⊗ Y + Mᵀ ⊗ Yᵀ ≺ 0 (Definition 3), of which (54) is the case of a disc about 0."""
+    import cvxpy as cp
+
     L, M = region.matrices()
     n, size = S.shape[0], len(L)
     H = 0.5 * (S + S.T)

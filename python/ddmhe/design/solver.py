@@ -5,13 +5,13 @@ from __future__ import annotations
 import warnings
 from typing import Any
 
-import cvxpy as cp
-
 __all__ = ["solve"]
 
 
 def solve(problem: Any) -> bool:
     """Whether Clarabel found a point of the cvxpy problem; what it is worth is for eigenvalues to say."""
+    import cvxpy as cp
+
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")

@@ -16,7 +16,6 @@ import warnings
 from dataclasses import dataclass
 from typing import Any, Literal
 
-import cvxpy as cp
 import numpy as np
 import scipy.linalg
 import scipy.optimize
@@ -174,6 +173,8 @@ def _searched(system: System, lmi: Lmi, S: Array) -> ObserverDesign:
 
 def _designed(system: System, lam: float, lmi: Lmi, S: Array) -> ObserverDesign:
     """One semidefinite programme in the coordinates z = S x, and its proof."""
+    import cvxpy as cp
+
     T, T_inv = np.diag(S), np.diag(1 / S)
     A, C, D1, D2 = T @ system.A @ T_inv, system.C @ T_inv, T @ system.D1, system.D2
     vertices = [T @ J @ T_inv for J in system.vertices()]
@@ -233,6 +234,8 @@ def _designed(system: System, lam: float, lmi: Lmi, S: Array) -> ObserverDesign:
 
 def _symmetric(lower: list[list[Any]]) -> Any:
     """The symmetric block matrix whose lower triangle is given; a block may span several columns of zeros."""
+    import cvxpy as cp
+
     rows = [cp.hstack(row) for row in lower]
     size = sum(row.shape[0] for row in rows)
     padded = [_widened(row, size) for row in rows]
@@ -248,6 +251,8 @@ def _symmetric(lower: list[list[Any]]) -> Any:
 
 
 def _widened(row: Any, size: int) -> Any:
+    import cvxpy as cp
+
     missing = size - row.shape[1]
     return cp.hstack([row, np.zeros((row.shape[0], missing))]) if missing else row
 
