@@ -295,7 +295,7 @@ def test_what_is_far_out_on_its_own():
 
 
 @pytest.mark.parametrize("full", [2 * np.pi, 360.0])
-@pytest.mark.parametrize("offset", [0.0, 0.5])
+@pytest.mark.parametrize("offset", [0.0, 0.5, 0.25, -3.1])
 def test_wrapped_angles_are_seen_and_made_continuous(tmp_path, full, offset):
     angle = full * np.cumsum(np.linspace(0.005, 0.02, 400))
     wrapped = angle % full - offset * full

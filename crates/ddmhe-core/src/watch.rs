@@ -5,8 +5,8 @@
 //! an error of a full turn. Neither can be mended here; both are said in words, the recording's at construction, the outputs' when
 //! they occur.
 //!
-//! *When is a jump a turn?* The channel stays within one of the usual ranges \[-½, ½\] or \[0, 1\] of a turn, its ordinary steps are below
-//! a quarter of a turn, and the jump, unwrapped, is a step like those beside it. A square wave of about a turn has no steps beside it.
+//! *When is a jump a turn?* The channel stays within one of the usual ranges \[-½, ½\] or \[0, 1\] of a turn, or comes within a step of
+//! both ends of another; its ordinary steps are below a quarter of a turn, and the jump, unwrapped, is a step like those beside it. A square wave of about a turn has no steps beside it.
 
 use crate::error::Error;
 use crate::history::History;
@@ -173,7 +173,12 @@ impl Channel<'_> {
             let usual = self.usual(0.5 * turn);
             low >= lo - SLACK * turn && high <= lo + turn + SLACK * turn && usual > 0.0 && usual <= STEP * turn
         };
-        RANGES.into_iter().filter(fits).collect()
+        // an angle that has jumped comes within a step of both ends of its range, wherever that begins
+        let between = |turn: f64| {
+            let (extent, ends) = (high - low, 2.0 * self.usual(0.5 * turn));
+            (extent >= turn - ends).then_some((turn, 0.5 * (low + high - turn)))
+        };
+        RANGES.into_iter().chain([TAU, 360.0].into_iter().filter_map(between)).filter(fits).collect()
     }
 
     /// What to say of a channel that jumps by full turns.
