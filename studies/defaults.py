@@ -13,6 +13,7 @@ from collections import defaultdict
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, field
 from itertools import product
+from multiprocessing import get_context
 from pathlib import Path
 
 import numpy as np
@@ -188,7 +189,7 @@ def main():
     if not any(case.group == "measured pendulum" for case in todo):
         console.print(f"no measured logs under {DATA}: their groups are left out (set DDMHE_DATA)")
     workers = os.cpu_count() or 1
-    with ProcessPoolExecutor(workers) as pool:
+    with ProcessPoolExecutor(workers, get_context("forkserver")) as pool:
         results = list(
             track(pool.map(judge, todo), "cases", len(todo), console=console, disable=not sys.stdout.isatty())
         )

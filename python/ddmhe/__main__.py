@@ -2,4 +2,5 @@
 
 from ddmhe.cli import main
 
-main()
+if __name__ == "__main__":  # not where worker processes import it
+    main()

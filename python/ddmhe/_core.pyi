@@ -1,6 +1,6 @@
 """Types of the compiled core; its docstrings are those of the classes themselves."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any, Literal, Protocol, TypeAlias, final, overload
 
 import numpy as np
@@ -103,7 +103,8 @@ def numbers(argument: str, value: object, missing: bool = False) -> _Floats: ...
 def validate(
     folds: Sequence[tuple[History, ArrayLike, ArrayLike, ArrayLike, Sequence[int], ArrayLike]],
     jobs: Sequence[tuple[int, dict[str, Any]]],
-) -> list[tuple[list[float], float]]: ...
+    progress: Callable[[int], object] | None = None,
+) -> list[tuple[list[float], float] | None]: ...
 
 @final
 class DdMhe:

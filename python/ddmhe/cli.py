@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import sys
 from collections.abc import Callable, Iterable, Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -245,7 +246,12 @@ def estimate(log: Path, out: Path | None, plot: Path | None, config: Path | None
     at_first = list(est.warnings)
     for sentence in _untold(samples, at_first):
         _warn(sentence)
-    estimates = est.run(split.Y)
+    asked = len(split.Y)
+    try:
+        estimates = est.run(split.Y)
+    except KeyboardInterrupt as e:
+        estimates = e.finished  # type: ignore[attr-defined]
+        samples, split = _cut(samples, split, len(estimates.x))
     for sentence in _untold(samples, est.warnings):
         if sentence not in at_first:
             _warn(sentence)
@@ -253,6 +259,8 @@ def estimate(log: Path, out: Path | None, plot: Path | None, config: Path | None
     console = Console()
     console.print(_summary(samples, split, est, estimates))
     _print_written(console, written)
+    if len(estimates.x) < asked:
+        raise click.Abort
 
 
 @cli.command()
@@ -307,7 +315,13 @@ def tune(log: Path, out: Path, output_noise: float | None, rest: bool, **given: 
     samples, split = _read(log, given)
     h = split.history
     equilibrium = (np.zeros(h.n), np.zeros(h.p)) if rest else None
-    found = tuned(h, output_noise=output_noise, equilibrium=equilibrium)
+    stopped = False
+    try:
+        found = tuned(h, output_noise=output_noise, equilibrium=equilibrium)
+    except KeyboardInterrupt as e:
+        if getattr(e, "finished", None) is None:
+            raise
+        stopped, found = True, e.finished  # type: ignore[attr-defined]
     out.mkdir(parents=True, exist_ok=True)
     written = [out / name for name in ("tune.toml", "tune.csv", "tune.png")]
     write_config(written[0], found.settings)
@@ -319,6 +333,8 @@ def tune(log: Path, out: Path, output_noise: float | None, rest: bool, **given: 
     console.print(f"Start, where the log goes on: --start-from {found.start}", markup=False, highlight=False)
     _print_warnings(console, "", _untold(samples, found.warnings))
     _print_written(console, written)
+    if stopped:
+        raise click.Abort
 
 
 @cli.command("interval")
@@ -462,14 +478,24 @@ def reproduce(name: str, out: Path, data: Path | None) -> None:
     written: list[Path] = []
     logs = pendulum_logs(data) if name == "real" else []
     names = {"all": list(EXPERIMENTS), "real": []}.get(name, [name])
+    stopped = False
     with Progress(console=console, disable=not console.is_terminal, transient=True) as progress:
         if logs:
             task = progress.add_task("real", total=len(logs))
-            result, written = reproduce_real(logs, out, lambda: progress.advance(task))
+            try:
+                result, written = reproduce_real(logs, out, lambda: progress.advance(task))
+            except KeyboardInterrupt as e:
+                if getattr(e, "finished", None) is None:
+                    raise
+                stopped, (result, written) = True, e.finished  # type: ignore[attr-defined]
             console.print(*result.printed)
         for each in names:
             task = progress.add_task(each, total=EXPERIMENTS[each].units)
-            result, paths = run_experiment(each, out, lambda: progress.advance(task))  # noqa: B023
+            try:
+                result, paths = run_experiment(each, out, lambda: progress.advance(task))  # noqa: B023
+            except KeyboardInterrupt:
+                stopped = True
+                break
             progress.remove_task(task)
             claims += result.claims
             printed += result.printed
@@ -482,6 +508,20 @@ def reproduce(name: str, out: Path, data: Path | None) -> None:
         write_claims(written[-1], claims)
         console.print(report.verdicts(claims))
     _print_written(console, written)
+    if stopped:
+        raise click.Abort
+
+
+def _cut(samples: Log, split: Split, made: int) -> tuple[Log, Split]:
+    """The log as if it ended with the last of `made` estimates; says so."""
+    left_out = len(split.Y) - made
+    if made == 0:
+        raise KeyboardInterrupt
+    print(f"ddmhe: stopped: {made} of {len(split.Y)} samples were estimated", file=sys.stderr)
+    end = len(samples.t) - left_out
+    parts = {name: getattr(samples, name)[:end] for name in ("t", "x", "y", "lines", "samples")}
+    x_true = None if split.x_true is None else split.x_true[:made]
+    return replace(samples, **parts), split._replace(Y=split.Y[:made], t=split.t[:made], x_true=x_true)
 
 
 def _targets(log: Path, out: Path | None, plot: Path | None) -> tuple[Path | None, Path | None]:

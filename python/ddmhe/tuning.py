@@ -21,7 +21,9 @@ from __future__ import annotations
 
 import math
 import sys
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
 from itertools import product
 from typing import Any, Literal
 
@@ -30,6 +32,7 @@ import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 from rich.console import Console
 from rich.progress import Progress
+from threadpoolctl import threadpool_limits
 
 from ddmhe._core import DdMhe, DdmheError, History, RankError, Ridge, ShapeError, Truncated, numbers, validate
 from ddmhe.arguments import check_finite, check_flag, check_history, shown
@@ -41,6 +44,8 @@ Array = NDArray[np.float64]
 
 Fold = tuple[History, Array, Array, Array, list[int], Array]
 """Recording to learn from, prior, outputs to estimate from, true states, numbers of estimates per error, spreads."""
+_Score = tuple[list[float], float]
+"""Mean squared relative errors of a fold's spans, spectral radius."""
 
 __all__ = ["Tuning", "tune"]
 
@@ -53,6 +58,9 @@ HIDDEN = 1e-2
 """A default λ/μ above this (a third of the variance unexplained) means hidden states: other settings are tried."""
 HORIZONS = {False: (0.05, 0.1, 0.2), True: (0.13, 0.27, 0.4)}
 """Horizons to try as shares of T, without and with hidden states."""
+LONGEST = 100
+"""Longest horizon to try, as in the default rule: with RHO older samples weigh less than 0.6 %, and the work grows with
+the third power. The shares are of no longer a recording than the one that reaches it."""
 MU = {False: (0.03, 0.3), True: (0.1, 1.0)}
 """μ to try, in units of the recording's spread."""
 LAMBDA = tuple(10.0**k for k in range(-7, 0))
@@ -151,7 +159,7 @@ def tune(
     *,
     output_noise: ArrayLike | None = None,
     equilibrium: tuple[ArrayLike, ArrayLike] | None = None,
-    progress: bool | None = None,
+    progress: bool | Callable[[int, int], object] | None = None,
 ) -> Tuning:
     """Choose horizon, ρ, μ, trajectory space and options from the recording alone.
 
@@ -163,8 +171,8 @@ def tune(
         Standard deviation of the online outputs' noise, in their unit. Default: that of the recorded ones.
     equilibrium : (x_e, y_e)
         A known rest; whether it helps is part of the choice.
-    progress : bool
-        A progress bar on stderr. Default: if that is a terminal.
+    progress : bool or function
+        A progress bar on stderr (default: if that is a terminal), or what is called with (parts done, parts in all).
 
     Raises
     ------
@@ -172,9 +180,12 @@ def tune(
         Too short a recording.
     DdmheError, ShapeError
         Wrong arguments.
+    KeyboardInterrupt
+        Within a second of Ctrl-C. Its attribute `finished` is the Tuning by the horizons that were scored in full by
+        then, None if there are none.
     """
     check_history(history)
-    if progress is not None:
+    if progress is not None and not callable(progress):
         check_flag("progress", progress)
     extra = _extra_noise(history, output_noise)
     if equilibrium is not None:
@@ -183,39 +194,93 @@ def tune(
     T = len(history.recordings[longest][1])
     if T < 20:
         raise RankError(f"history: expected a recording of at least 20 samples to hold parts of it out, found {T}")
-    candidates, reference = _candidates(history, T, equilibrium)
-    spread = _spread(history, longest)
-    whole: Fold = (
-        history,
-        history.recordings[-1][0][-1],
-        np.zeros((0, history.p)),
-        np.zeros((0, history.n)),
-        [],
-        spread,
-    )
-    folds = [whole, *_quarters(history, longest, extra, spread)]
-    rehearsals = [] if reference > HIDDEN else _rehearsals(history, longest, output_noise, equilibrium, spread)
-    folds += rehearsals
-    # A start from the recording's end saves the short windows: for the spectral radius and where a fold continues its
-    # own recording.
-    jobs: list[tuple[int, dict[str, Any]]] = [(0, c.given | {"start": "recording"}) for c in candidates]
-    jobs += [(1 + q, c.given | {"start": "recording" if q else "state"}) for c in candidates for q in range(QUARTERS)]
-    late = [1 + QUARTERS + d for d in range(len(rehearsals))]
-    jobs += [(fold, c.given | {"start": "recording"}) for c in candidates for fold in late]
-    results = iter(_validate(folds, jobs, progress))
-    for c in candidates:
-        c.radius = next(results)[1]
-    for c in candidates:
-        c.scores = np.array([_log(next(results)[0]) for _ in range(QUARTERS)])
-    for c in candidates:
-        c.rehearsed = float(np.mean([_log(next(results)[0]) for _ in late])) if late else math.nan
+    search = _Search(history, longest)
+    try:
+        # threads of BLAS would only wait for each other
+        with threadpool_limits(1), _shown(progress) as report:
+            return search.through(extra, output_noise, equilibrium, report)
+    except KeyboardInterrupt as e:
+        e.finished = search.so_far(getattr(e, "finished", []))  # type: ignore[attr-defined]
+        raise
+
+
+class _Search:
+    """One choice, and what an interrupt leaves of it."""
+
+    def __init__(self, history: History, longest: int) -> None:
+        self.history, self.longest = history, longest
+        self.order: list[_Candidate] = []
+        """The default rule first, then horizon by horizon: what an interrupt leaves can be compared."""
+        self.reference = math.nan
+        """The default rule's λ/μ."""
+        self.results: Sequence[_Score | None] = []
+        """Of each candidate's jobs, in order, once all are there."""
+
+    def through(
+        self,
+        extra: Array,
+        output_noise: ArrayLike | None,
+        equilibrium: tuple[ArrayLike, ArrayLike] | None,
+        report: Callable[[int, int], object],
+    ) -> Tuning:
+        """All of it."""
+        history, longest = self.history, self.longest
+        candidates, self.reference = _candidates(history, len(history.recordings[longest][1]), equilibrium)
+        self.order = sorted(candidates, key=lambda c: (c is not candidates[0], c.horizon))
+        spread = _spread(history, longest)
+        last, none = history.recordings[-1][0][-1], (np.zeros((0, history.p)), np.zeros((0, history.n)))
+        folds: list[Fold] = [(history, last, *none, [], spread), *_quarters(history, longest, extra, spread)]
+        parts = 0 if self.reference > HIDDEN else DRAWS
+        if parts:
+            total = parts + len(candidates) * (len(folds) + DRAWS)
+            folds += _rehearsals(history, longest, output_noise, equilibrium, spread, lambda d: report(d, total))
+        # A start from the recording's end saves the short windows: for the spectral radius and where a fold
+        # continues its own recording.
+        starts = ["state" if fold == 1 else "recording" for fold in range(len(folds))]
+        jobs = [(fold, c.given | {"start": start}) for c in self.order for fold, start in enumerate(starts)]
+        total = parts + len(jobs)
+        self.results = validate(folds, jobs, lambda done: report(parts + done, total))
+        report(total, total)
+        ranked = _ranked(self.order, self.results, self.reference)
+        if not ranked:
+            raise RankError(
+                "history: expected a recording of which three quarters suffice for some setting, found none"
+            )
+        return _tuning(history, ranked, _start(history, longest, ranked[0], extra), self.order[0])
+
+    def so_far(self, found: Sequence[_Score | None]) -> Tuning | None:
+        """The choice among the horizons of which every setting was scored; None without the default rule's score.
+
+        `found` are the results by now if they are not all there.
+        """
+        order, results = self.order, self.results or found
+        each = len(results) // len(order) if order else 0
+        whole = [each > 0 and None not in results[k * each : (k + 1) * each] for k in range(len(order))]
+        if not (whole and whole[0]):
+            return None
+        cut = {c.horizon for c, scored in zip(order[1:], whole[1:], strict=True) if not scored}
+        kept = [k for k, c in enumerate(order) if k == 0 or c.horizon not in cut]
+        scores = [score for k in kept for score in results[k * each : (k + 1) * each]]
+        ranked = _ranked([order[k] for k in kept], scores, self.reference)
+        if not ranked:
+            return None
+        chosen = _tuning(self.history, ranked, "recording", order[0])
+        words = f"Stopped: {len(kept)} of {len(order)} settings were scored. {chosen.words}"
+        return replace(chosen, words=words)
+
+
+def _ranked(candidates: list[_Candidate], results: Sequence[_Score | None], reference: float) -> list[_Candidate]:
+    """The candidates with their scores, best first; empty if none can be used."""
+    each = len(results) // len(candidates)
+    for k, c in enumerate(candidates):
+        found = [score for score in results[k * each : (k + 1) * each] if score is not None]
+        c.radius = found[0][1]
+        errors = [_log(squares) for squares, _ in found[1:]]
+        c.scores = np.array(errors[:QUARTERS])
+        c.rehearsed = float(np.mean(errors[QUARTERS:])) if errors[QUARTERS:] else math.nan
     _rate(candidates, reference)
     ranked = sorted(candidates, key=lambda c: c.rated)
-    best = ranked[0]
-    if not math.isfinite(best.rated):
-        raise RankError("history: expected a recording of which three quarters suffice for some setting, found none")
-    start = _start(history, longest, best, extra)
-    return _tuning(history, ranked, start, candidates[0])
+    return ranked if math.isfinite(ranked[0].rated) else []
 
 
 def _log(squares: list[float]) -> float:
@@ -241,7 +306,8 @@ def _candidates(
     default = DdMhe(history, start="recording")
     reference = max(default.ridge / default.mu, LAMBDA[0])
     hidden = reference > HIDDEN
-    horizons = sorted({max(2, round(share * T)) for share in HORIZONS[hidden]})
+    reach = min(T, LONGEST / max(HORIZONS[hidden]))
+    horizons = sorted({max(2, round(share * reach)) for share in HORIZONS[hidden]})
     options: list[dict[str, Any]] = [{}]
     if equilibrium is not None:
         rest: dict[str, Any] = {"equilibrium": equilibrium}
@@ -310,6 +376,7 @@ def _rehearsals(
     output_noise: ArrayLike | None,
     rest: tuple[ArrayLike, ArrayLike] | None,
     spread: Array,
+    report: Callable[[int], object],
 ) -> list[Fold]:
     """Recordings of surrogates and what follows them, with the recording's noise; none if no surrogate explains it."""
     x, y = history.recordings[longest]
@@ -332,6 +399,7 @@ def _rehearsals(
     )
     folds: list[Fold] = []
     for d in range(DRAWS):
+        report(d)
         rng = np.random.default_rng(d)
         steps = (1 + max(SPANS)) * T
         motion, outputs = _drawn_motion(surrogate, rng, steps) if d else surrogate.motion(surrogate.best, steps)
@@ -357,19 +425,16 @@ def _drawn_motion(surrogate: Surrogate, rng: np.random.Generator, steps: int) ->
     return longest
 
 
-def _validate(
-    folds: list[Fold], jobs: list[tuple[int, dict[str, Any]]], progress: bool | None
-) -> list[tuple[list[float], float]]:
-    """All jobs, in portions that move a progress bar."""
+@contextmanager
+def _shown(progress: bool | Callable[[int, int], object] | None) -> Iterator[Callable[[int, int], object]]:
+    """What is told (parts done, parts in all): the caller's function, or a bar."""
+    if callable(progress):
+        yield progress
+        return
     shown = sys.stderr.isatty() if progress is None else progress
-    results: list[tuple[list[float], float]] = []
     with Progress(console=Console(stderr=True), disable=not shown, transient=True) as bar:
-        task = bar.add_task("tuning", total=len(jobs))
-        portion = max(1, len(jobs) // 20)
-        for k in range(0, len(jobs), portion):
-            results += validate(folds, jobs[k : k + portion])
-            bar.advance(task, min(portion, len(jobs) - k))
-    return results
+        task = bar.add_task("tuning")
+        yield lambda done, total: bar.update(task, completed=done, total=total)
 
 
 def _rate(candidates: list[_Candidate], reference: float) -> None:
@@ -408,7 +473,8 @@ def _start(history: History, longest: int, best: _Candidate, extra: Array) -> Li
         k = int(share * len(y))
         folds.append((_like(history, x[: k + 1], y[:k]), x[k], noisy[k:], x[k + 1 :], [len(y) - k], spread))
     jobs = [(i, best.given | {"start": start}) for start in ("state", "recording") for i in range(len(folds))]
-    errors = np.array([e[0] for e, _ in validate(folds, jobs)]).reshape(2, len(folds))
+    found = [score for score in validate(folds, jobs) if score is not None]
+    errors = np.array([squares[0] for squares, _ in found]).reshape(2, len(folds))
     usable = np.isfinite(errors).all(axis=0)
     if not usable.any():
         return "recording"
@@ -420,7 +486,7 @@ def _tuning(
     history: History, ranked: list[_Candidate], start: Literal["recording", "state"], default: _Candidate
 ) -> Tuning:
     best = ranked[0]
-    est = DdMhe(history, **best.given)
+    est = DdMhe(history, start="recording", **best.given)  # without the short windows: sooner there
     settings: dict[str, Any] = {"horizon": est.horizon, "rho": est.rho, "mu": est.mu, "weights": "scaled"}
     settings["space"] = est.space
     if best.equilibrium:

@@ -119,11 +119,15 @@ fn validation_scores_what_run_gives() {
         spread: vec![0.5],
     };
     let config = Config { horizon: Some(4), mu: Some(1e-3), ..Config::default() };
-    let scores = validate(&[fold], &[(0, config.clone()), (0, Config { horizon: Some(99), ..config.clone() })]);
-    let scores = scores.expect("valid folds");
+    let jobs = [(0, config.clone()), (0, Config { horizon: Some(99), ..config.clone() })];
+    let scores = validate(&[fold], &jobs, &mut |_| false).expect("valid folds");
+    let scores: Vec<_> = scores.into_iter().map(|score| score.expect("nothing stopped it")).collect();
     let mut mhe = DdMhe::new(&history(), Config { x_prior: Some(vec![4.0]), ..config }).expect("a valid configuration");
     let log = mhe.run(&outputs).expect("valid outputs");
     let mean = |span: usize| (0..span).map(|k| ((log.x[k] - truth[k + 1]) / 0.5).powi(2)).sum::<f64>() / span as f64;
-    assert!((scores[0].errors[0] - mean(5)).abs() <= 1e-14 && (scores[0].errors[1] - mean(20)).abs() <= 1e-14);
+    // the scores come from the linear map of the window, another order of the same sums
+    for (score, span) in scores[0].errors.iter().zip([5, 20]) {
+        assert!((score - mean(span)).abs() <= 1e-13 * mean(span), "{score} {}", mean(span));
+    }
     assert!(scores[1].errors.iter().all(|e| e.is_infinite()));
 }

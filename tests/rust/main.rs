@@ -10,3 +10,4 @@ mod reset;
 mod snapshots;
 mod space;
 mod systems;
+mod validation;

@@ -24,6 +24,7 @@ pub(crate) struct Design {
     pub settings: Settings,
     pub scaling: Scaling,
     pub weights: Weights,
+    pub selection: Selection,
     pub limits: Limits,
     pub problems: Vec<WindowProblem>, // of depth first, first + 1, …, M
     pub first: usize,                 // 1; without those that a start from the recording's end does not need
@@ -38,16 +39,7 @@ pub(crate) struct Design {
 impl Design {
     /// As [`DdMhe::new`](crate::DdMhe::new), with the problems that runs from this start need.
     pub fn new(history: &History, config: &Config, start: Start) -> Result<Self, Error> {
-        validate(history, config)?;
-        check_sizes(history)?;
-        let scaling = Scaling::new(history)?;
-        check_scales(&scaling)?;
-        check_reach("x_prior", &scaling, config.x_prior.as_deref().unwrap_or(&[]), &[])?;
-        let rest = config.equilibrium.as_ref().map(|(x, y)| (&x[..], &y[..]));
-        let (x_e, y_e) = rest.unwrap_or_default();
-        check_reach("equilibrium", &scaling, x_e, y_e)?;
-        let rule = Defaults::new(history, &scaling, rest);
-        Design::by(history, config, start, (scaling, rule))
+        Design::by(history, config, start, prepared(history, config)?)
     }
 
     /// With these scales and this rule for what the configuration leaves open.
@@ -126,6 +118,7 @@ impl Design {
             settings,
             scaling,
             weights,
+            selection,
             problems,
             first,
             centered,
@@ -149,6 +142,20 @@ impl Design {
         WindowProblem::new(full.shape, full.space.clone(), &self.scaling, weights, bounds, Some(&measured))
             .map_err(factorisation)
     }
+}
+
+/// The scales and the rule of checked settings.
+pub(crate) fn prepared(history: &History, config: &Config) -> Result<(Scaling, Defaults), Error> {
+    validate(history, config)?;
+    check_sizes(history)?;
+    let scaling = Scaling::new(history)?;
+    check_scales(&scaling)?;
+    check_reach("x_prior", &scaling, config.x_prior.as_deref().unwrap_or(&[]), &[])?;
+    let rest = config.equilibrium.as_ref().map(|(x, y)| (&x[..], &y[..]));
+    let (x_e, y_e) = rest.unwrap_or_default();
+    check_reach("equilibrium", &scaling, x_e, y_e)?;
+    let rule = Defaults::new(history, &scaling, rest);
+    Ok((scaling, rule))
 }
 
 /// That the recording is too short for its noise, with the length that would do.
@@ -196,7 +203,7 @@ fn check_scales(scaling: &Scaling) -> Result<(), Error> {
 }
 
 /// Weights that leave something of both terms of (17).
-fn check_weights(weights: &Weights, config: &Config, scaling: &Scaling) -> Result<(), Error> {
+pub(crate) fn check_weights(weights: &Weights, config: &Config, scaling: &Scaling) -> Result<(), Error> {
     let [(P, P_most), (R, R_most)] = weights.ranges();
     let fits = |least: f64, most: f64| least > 0.0 && most / least <= tol::WEIGHTS;
     let found = format!("weights between {:.1e} and {:.1e}", P.min(R), P_most.max(R_most));
@@ -220,7 +227,7 @@ fn check_weights(weights: &Weights, config: &Config, scaling: &Scaling) -> Resul
 }
 
 /// A weight on ‖α‖² that leaves something of the cost (17), and of which something is left beside it.
-fn check_ridge(weights: &Weights, config: &Config, lambda: f64) -> Result<(), Error> {
+pub(crate) fn check_ridge(weights: &Weights, config: &Config, lambda: f64) -> Result<(), Error> {
     let Space::Ridge { weight, .. } = config.space else { return Ok(()) };
     let [(P, P_most), (R, R_most)] = weights.ranges();
     let (least, most) = (P_most.max(R_most) / tol::WEIGHTS, P.min(R) * tol::WEIGHTS);
@@ -281,7 +288,7 @@ pub(crate) fn filled(history: &History, start: Start, horizon: usize) -> usize {
 }
 
 /// The chosen space in normalised units.
-fn select(space: &Space, rule: &Defaults, weights: &Weights, n: usize) -> Selection {
+pub(crate) fn select(space: &Space, rule: &Defaults, weights: &Weights, n: usize) -> Selection {
     match *space {
         Space::Auto => rule.selection(weights.mu()),
         Space::Exact => Selection { rank: None, tol: None, penalty: Penalty::None },
@@ -303,7 +310,7 @@ fn spectral_radius(problem: &WindowProblem) -> f64 {
 }
 
 /// False also for NaN, which no finite data should give.
-fn stable(spectral_radius: f64) -> bool {
+pub(crate) fn stable(spectral_radius: f64) -> bool {
     spectral_radius <= tol::SPECTRAL_RADIUS
 }
 

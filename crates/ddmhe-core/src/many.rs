@@ -4,38 +4,66 @@ use crate::config::Config;
 use crate::error::Error;
 use crate::estimate::Log;
 use crate::history::History;
+use crate::interrupt::on_all_cores;
 use crate::mhe::DdMhe;
-use rayon::prelude::*;
+use std::sync::atomic::{AtomicBool, Ordering};
 
-/// [`DdMhe::run`] of many estimators over as many logs, on all cores (rayon): the same numbers, in the same order.
+/// [`DdMhe::run`] of many estimators over as many logs, on all cores: the same numbers, in the same order.
+///
+/// `stop` is asked every 50 ms, with the number of logs done; after true, logs hold what was finished by then.
 ///
 /// # Errors
 /// The first log's error, in order; as for [`DdMhe::run`] its estimator is then unchanged, the others have run.
-pub fn run_many(estimators: &mut [&mut DdMhe], logs: &[&[f64]]) -> Result<Vec<Log>, Error> {
-    if estimators.len() != logs.len() {
-        return Err(Error::shape("logs", format!("{} logs, one per estimator", estimators.len()), logs.len()));
-    }
-    let found: Vec<Result<Log, Error>> =
-        estimators.par_iter_mut().zip(logs).map(|(estimator, log)| estimator.run(log)).collect();
-    found.into_iter().collect()
+pub fn run_many(
+    estimators: &mut [&mut DdMhe],
+    logs: &[&[f64]],
+    stop: &mut dyn FnMut(usize) -> bool,
+) -> Result<Vec<Log>, Error> {
+    same_length(estimators.len(), logs.len())?;
+    let items = estimators.iter_mut().zip(logs).collect();
+    collected(on_all_cores(items, |(estimator, log), stopped| until(estimator, log, stopped), stop)?)
 }
 
 /// [`DdMhe::run`] of as many copies of one estimator as there are logs, on all cores: each log continues from where the
-/// estimator is, which itself does not move. What was computed at construction is shared.
+/// estimator is, which itself does not move. What was computed at construction is shared. `stop` as for [`run_many`].
 ///
 /// # Errors
 /// The first log's error, in order; as for [`DdMhe::run`].
-pub fn run_copies(estimator: &DdMhe, logs: &[&[f64]]) -> Result<Vec<Log>, Error> {
-    let found: Vec<Result<Log, Error>> = logs.par_iter().map(|log| estimator.clone().run(log)).collect();
-    found.into_iter().collect()
+pub fn run_copies(estimator: &DdMhe, logs: &[&[f64]], stop: &mut dyn FnMut(usize) -> bool) -> Result<Vec<Log>, Error> {
+    let run = |log: &[f64], stopped: &AtomicBool| until(&mut estimator.clone(), log, stopped);
+    collected(on_all_cores(logs.to_vec(), run, stop)?)
 }
 
-/// An estimator for each recording, all with the same settings, built on all cores.
+/// [`DdMhe::run`] of an estimator for each recording over its log, all with the same settings, on all cores. `stop` as for
+/// [`run_many`].
 ///
 /// # Errors
-/// The first recording's error, in order; as for [`DdMhe::new`].
-pub fn build_many(histories: &[&History], config: &Config) -> Result<Vec<DdMhe>, Error> {
-    let found: Vec<Result<DdMhe, Error>> =
-        histories.par_iter().map(|history| DdMhe::new(history, config.clone())).collect();
-    found.into_iter().collect()
+/// The first error, in order; as for [`DdMhe::new`] and [`DdMhe::run`].
+pub fn run_recordings(
+    histories: &[&History],
+    config: &Config,
+    logs: &[&[f64]],
+    stop: &mut dyn FnMut(usize) -> bool,
+) -> Result<Vec<Log>, Error> {
+    same_length(histories.len(), logs.len())?;
+    let run = |(history, log): (&&History, &&[f64]), stopped: &AtomicBool| {
+        until(&mut DdMhe::new(history, config.clone())?, log, stopped)
+    };
+    collected(on_all_cores(histories.iter().zip(logs).collect(), run, stop)?)
+}
+
+fn until(estimator: &mut DdMhe, log: &[f64], stopped: &AtomicBool) -> Result<Log, Error> {
+    estimator.run_until(log, &mut || stopped.load(Ordering::Relaxed))
+}
+
+fn same_length(estimators: usize, logs: usize) -> Result<(), Error> {
+    match estimators == logs {
+        true => Ok(()),
+        false => Err(Error::shape("logs", format!("{estimators} logs, one per estimator"), logs)),
+    }
+}
+
+/// Logs that were not begun are empty.
+fn collected(found: Vec<Option<Result<Log, Error>>>) -> Result<Vec<Log>, Error> {
+    found.into_iter().map(|log| log.unwrap_or_else(|| Ok(Log::default()))).collect()
 }

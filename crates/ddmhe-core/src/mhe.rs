@@ -23,6 +23,7 @@ use crate::design::{Design, check_reach, filled};
 use crate::error::Error;
 use crate::estimate::{Estimate, Log};
 use crate::history::{History, check_finite};
+use crate::interrupt::Interrupt;
 use crate::memory::Memory;
 use crate::qp::Status;
 use crate::start::{Opening, Start};
@@ -122,13 +123,26 @@ impl DdMhe {
     /// # Errors
     /// As [`step`](Self::step); the whole log is checked first, so a bad row leaves the estimator unchanged. Nothing errs after that.
     pub fn run(&mut self, ys: &[f64]) -> Result<Log, Error> {
+        self.run_until(ys, &mut || false)
+    }
+
+    /// [`run`](Self::run) until `stop`, asked every 50 ms or so, is true: the log then ends with the last step made, where the
+    /// estimator stands.
+    ///
+    /// # Errors
+    /// As [`run`](Self::run).
+    pub fn run_until(&mut self, ys: &[f64], stop: &mut dyn FnMut() -> bool) -> Result<Log, Error> {
         let p = self.design.history.p();
         if !ys.len().is_multiple_of(p) {
             return Err(Error::shape("Y", format!("a multiple of p = {p} numbers"), ys.len()));
         }
         check_measured("Y", ys, p)?;
         let mut log = Log::default();
+        let mut interrupt = Interrupt::new(stop);
         for y in ys.chunks_exact(p) {
+            if interrupt.stopped() {
+                break;
+            }
             let estimate = self.advance(y, None);
             log.x.extend_from_slice(&estimate.x);
             log.cost.push(estimate.cost);

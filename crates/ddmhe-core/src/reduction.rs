@@ -6,8 +6,13 @@
 use crate::space::TrajectorySpace;
 use crate::tol;
 use crate::weights::Weights;
-use faer::linalg::solvers::SvdError;
-use faer::{Mat, MatRef};
+use faer::dyn_stack::{MemBuffer, MemStack};
+use faer::linalg::householder::{
+    apply_block_householder_sequence_on_the_left_in_place_scratch,
+    apply_block_householder_sequence_on_the_left_in_place_with_conj,
+};
+use faer::linalg::solvers::{Qr, SvdError};
+use faer::{Conj, Mat, MatRef, Par};
 
 /// Sizes of one depth, and rows of the interleaved window: where x(k) and y(k) are.
 #[derive(Debug, Clone, Copy)]
@@ -64,9 +69,78 @@ pub(crate) fn reduce(
     centered: bool,
     measured: Option<&[bool]>,
 ) -> Result<Reduced, SvdError> {
-    let Shape { n, p, depth } = shape;
-    let all = vec![true; depth * p];
+    let all = vec![true; shape.depth * shape.p];
     let measured = measured.unwrap_or(&all);
+    let (blocks, stacked) = stacked(shape, space, weights, measured)?;
+    let (n, r, seen) = (shape.n, space.rank(), shape.seen().collect::<Vec<_>>());
+    let qr = stacked.qr();
+    let (Q, R) = (qr.compute_thin_Q(), qr.thin_R());
+    let mut K = Mat::zeros(r, seen.len());
+    for (first, W) in &blocks {
+        K.subcols_mut(*first, W.nrows()).copy_from(Q.subrows(*first, W.nrows()).transpose() * W);
+    }
+    // A = B R⁻¹, from Rᵀ Aᵀ = Bᵀ
+    let mut A_t = space.basis.transpose().to_owned();
+    R.transpose().solve_lower_triangular_in_place(A_t.as_mut());
+    let K_c = match centered {
+        true => Some(R * center_gain(space, &seen[n..], weights, |i| measured[i])?),
+        false => None,
+    };
+    // Q_F Q_Gᵀ = 0: the kernel of F alone reaches whatever G b is to be
+    let rest = stacked.nrows() - seen.len();
+    let surplus = space.lambda == 0.0 && rest > 0;
+    let unseen = surplus.then(|| Q.subrows(seen.len(), rest).transpose().to_owned());
+    Ok(Reduced { K, A: A_t.transpose().to_owned(), K_c, unseen })
+}
+
+/// Gᵀ of x̂(t) = c_x + G ([x̄; y] - c), (n + m p) × n: the last rows of A K.
+pub(crate) fn gain(shape: Shape, space: &TrajectorySpace, weights: &Weights) -> Result<Mat<f64>, SvdError> {
+    let (blocks, stacked) = stacked(shape, space, weights, &vec![true; shape.depth * shape.p])?;
+    let (last, seen) = (shape.x(shape.depth).start, shape.n + shape.depth * shape.p);
+    let qr = stacked.qr();
+    // with [F; G] = Q R, (A K)ᵀ is the weights' Wᵀ times the rows of F in Q R⁻ᵀ Bᵀ
+    let mut z = space.basis.subrows(last, shape.n).transpose().to_owned();
+    qr.thin_R().transpose().solve_lower_triangular_in_place(z.as_mut());
+    let found = rotated(&qr, z.as_ref());
+    let mut gain = Mat::zeros(seen, shape.n);
+    for (first, W) in &blocks {
+        gain.subrows_mut(*first, W.nrows()).copy_from(W.transpose() * found.subrows(*first, W.nrows()));
+    }
+    Ok(gain)
+}
+
+/// Q [z; 0] by the reflections whose product Q is, without forming it.
+fn rotated(qr: &Qr<f64>, z: MatRef<'_, f64>) -> Mat<f64> {
+    let (basis, coefficients) = (qr.Q_basis(), qr.Q_coeff());
+    let mut found = Mat::zeros(basis.nrows(), z.ncols());
+    found.subrows_mut(0, z.nrows()).copy_from(z);
+    let room = apply_block_householder_sequence_on_the_left_in_place_scratch::<f64>(
+        basis.nrows(),
+        coefficients.nrows(),
+        z.ncols(),
+    );
+    apply_block_householder_sequence_on_the_left_in_place_with_conj(
+        basis,
+        coefficients,
+        Conj::No,
+        found.as_mut(),
+        Par::Seq,
+        MemStack::new(&mut MemBuffer::new(room)),
+    );
+    found
+}
+
+/// Square roots of the weights with their first rows in f.
+type Blocks = Vec<(usize, Mat<f64>)>;
+
+/// The weights, and [F; G]: the weighted rows of the basis that the cost sees, and what makes the minimiser unique.
+fn stacked(
+    shape: Shape,
+    space: &TrajectorySpace,
+    weights: &Weights,
+    measured: &[bool],
+) -> Result<(Blocks, Mat<f64>), SvdError> {
+    let Shape { n, p, depth } = shape;
     // √ of 2ρ^m P on the prior, of ρ^{j-1} R on y(t-j): the block of each sample with its first row in f
     let mut blocks = vec![(0, weights.prior(depth))];
     blocks.extend((0..depth).map(|k| (n + k * p, weights.noise(depth - k, &measured[k * p..(k + 1) * p]))));
@@ -82,26 +156,9 @@ pub(crate) fn reduce(
     } else {
         least_norm(F.as_ref(), space)?
     };
-    // [F; G] = Q R
     let stacked =
         Mat::from_fn(F.nrows() + G.nrows(), r, |i, j| if i < F.nrows() { F[(i, j)] } else { G[(i - F.nrows(), j)] });
-    let qr = stacked.qr();
-    let (Q, R) = (qr.compute_thin_Q(), qr.thin_R());
-    let mut K = Mat::zeros(r, seen.len());
-    for (first, W) in &blocks {
-        K.subcols_mut(*first, W.nrows()).copy_from(Q.subrows(*first, W.nrows()).transpose() * W);
-    }
-    // A = B R⁻¹, from Rᵀ Aᵀ = Bᵀ
-    let mut A_t = space.basis.transpose().to_owned();
-    R.transpose().solve_lower_triangular_in_place(A_t.as_mut());
-    let K_c = match centered {
-        true => Some(R * center_gain(space, &seen[n..], weights, |i| measured[i])?),
-        false => None,
-    };
-    // Q_F Q_Gᵀ = 0: the kernel of F alone reaches whatever G b is to be
-    let surplus = space.lambda == 0.0 && G.nrows() > 0;
-    let unseen = surplus.then(|| Q.subrows(F.nrows(), G.nrows()).transpose().to_owned());
-    Ok(Reduced { K, A: A_t.transpose().to_owned(), K_c, unseen })
+    Ok((blocks, stacked))
 }
 
 /// Rows that single out the least-norm α among the minimisers when F does not determine b.

@@ -35,6 +35,8 @@ use crate::tol;
 use crate::variation::{copies, fifth_differences, one_step};
 use faer::{Mat, MatRef};
 use serde::{Deserialize, Serialize};
+use std::cell::RefCell;
+use std::rc::Rc;
 
 /// Which windows count as trajectories of the system.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
@@ -307,7 +309,16 @@ pub(crate) struct WindowStack<'a> {
     scaling: &'a Scaling,
     equilibrium: Option<Vec<f64>>, // scaled x_e, then scaled y_e
     depth: usize,
-    R: Mat<f64>, // of the windows of `depth`: min(N, 1+d) × (1+d)
+    R: Mat<f64>,                                      // of the windows of `depth`: min(N, 1+d) × (1+d)
+    latest: RefCell<Option<(usize, Rc<Decomposed>)>>, // and its depth: settings are tried at one depth after another
+}
+
+/// The centred windows of one depth.
+struct Decomposed {
+    windows: usize,
+    mean: Vec<f64>,  // c (d)
+    U: Mat<f64>,     // right singular vectors of the factor, as columns
+    sigma: Vec<f64>, // largest first
 }
 
 impl<'a> WindowStack<'a> {
@@ -319,7 +330,8 @@ impl<'a> WindowStack<'a> {
         equilibrium: Option<(&[f64], &[f64])>,
     ) -> Self {
         let equilibrium = equilibrium.map(|(x, y)| scaling.deviations(x, y).collect());
-        let mut stack = WindowStack { history, scaling, equilibrium, depth, R: Mat::zeros(0, 0) };
+        let mut stack =
+            WindowStack { history, scaling, equilibrium, depth, R: Mat::zeros(0, 0), latest: RefCell::default() };
         let rows = stack.rows(depth, 0);
         stack.R = upper(rows.as_ref(), rows.ncols());
         stack
@@ -350,6 +362,17 @@ impl<'a> WindowStack<'a> {
 
     /// The space of windows of `depth`.
     pub fn space(&self, depth: usize, selection: &Selection) -> TrajectorySpace {
+        let latest =
+            self.latest.borrow().as_ref().filter(|(of, _)| *of == depth).map(|(_, windows)| Rc::clone(windows));
+        let windows = latest.unwrap_or_else(|| {
+            let windows = Rc::new(self.decomposed(depth));
+            self.latest.replace(Some((depth, Rc::clone(&windows))));
+            windows
+        });
+        select(&windows, depth, self.scaling.rounding(windows.windows, depth), selection)
+    }
+
+    fn decomposed(&self, depth: usize) -> Decomposed {
         let (n, p) = (self.history.n(), self.history.p());
         let d = depth * (n + p) + n;
         let recorded = self.history.windows(depth);
@@ -376,7 +399,9 @@ impl<'a> WindowStack<'a> {
         }
         let windows = recorded + copies;
         let R = upper(stacked.as_ref(), 1 + d);
-        select(R.as_ref(), depth, windows, self.scaling.rounding(windows, depth), selection)
+        let mean = (0..d).map(|j| R[(0, 1 + j)] / R[(0, 0)]).collect();
+        let (U, sigma) = right_singular(R.submatrix(1, 1, R.nrows() - 1, d));
+        Decomposed { windows, mean, U, sigma }
     }
 }
 
@@ -387,11 +412,10 @@ fn upper(rows: MatRef<'_, f64>, columns: usize) -> Mat<f64> {
     Mat::from_fn(R.nrows(), columns, |i, j| if i <= j { R[(i, j)] } else { 0.0 })
 }
 
-/// Mean, basis and weight from the factor R of [1 Wᵀ].
-fn select(R: MatRef<'_, f64>, depth: usize, windows: usize, rounding: f64, selection: &Selection) -> TrajectorySpace {
-    let d = R.ncols() - 1;
-    let mean: Vec<f64> = (0..d).map(|j| R[(0, 1 + j)] / R[(0, 0)]).collect();
-    let (U, sigma) = right_singular(R.submatrix(1, 1, R.nrows() - 1, d));
+/// Mean, basis and weight of what a selection keeps.
+fn select(found: &Decomposed, depth: usize, rounding: f64, selection: &Selection) -> TrajectorySpace {
+    let Decomposed { windows, mean, U, sigma } = found;
+    let (windows, d) = (*windows, mean.len());
     let sigma_1 = sigma.first().copied().unwrap_or(0.0);
     let floor = (sigma_1 * (tol::RANK_EPS * windows.max(d) as f64).max(selection.tol.unwrap_or(0.0)))
         .max(tol::DATA_ROUNDING * rounding);
@@ -405,7 +429,7 @@ fn select(R: MatRef<'_, f64>, depth: usize, windows: usize, rounding: f64, selec
     };
     let length = |i: usize| if lambda > 0.0 { sigma[i] / N.sqrt() } else { 1.0 };
     let basis = Mat::from_fn(d, rank, |i, j| U[(i, j)] * length(j));
-    TrajectorySpace { depth, windows, mean, basis, singular_values: sigma[..rank].to_vec(), lambda }
+    TrajectorySpace { depth, windows, mean: mean.clone(), basis, singular_values: sigma[..rank].to_vec(), lambda }
 }
 
 /// Right singular vectors (as columns) and singular values, largest first.

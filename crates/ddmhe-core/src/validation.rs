@@ -2,10 +2,12 @@
 
 use crate::config::{Config, check_vector};
 use crate::error::Error;
+use crate::filter::{Filters, is_linear};
 use crate::history::{History, check_finite};
+use crate::interrupt::on_all_cores;
 use crate::mhe::DdMhe;
 use crate::start::Start;
-use rayon::prelude::*;
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
 /// A part of a recording to learn from, and another to estimate.
 #[derive(Debug, Clone)]
@@ -58,15 +60,36 @@ impl Fold {
         check_finite("truth", &self.truth, n)
     }
 
-    fn score(&self, config: &Config) -> Option<Score> {
+    /// Of settings that differ in weights and space only, or of one of any kind; None for those that cannot be used.
+    fn scores(&self, configs: &[&Config], stopped: &AtomicBool) -> Vec<Option<Score>> {
+        let linear = is_linear(configs[0]) && self.outputs.iter().all(|y| y.is_finite());
+        let filters = linear.then(|| Filters::new(&self.history, configs, stopped).ok()).flatten();
+        let scored = |(k, config): (usize, &&Config)| {
+            if stopped.load(Ordering::Relaxed) {
+                return None;
+            }
+            match filters.as_ref().and_then(|filters| filters.run(k, &self.x_prior, &self.outputs)) {
+                Some((spectral_radius, x)) => self.compared(&x, spectral_radius),
+                None => self.score(config, stopped),
+            }
+        };
+        configs.iter().enumerate().map(scored).collect()
+    }
+
+    fn score(&self, config: &Config, stopped: &AtomicBool) -> Option<Score> {
         let mut config = config.clone();
         config.x_prior = (config.start == Start::State).then(|| self.x_prior.clone());
         let mut mhe = DdMhe::new(&self.history, config).ok()?;
         let spectral_radius = mhe.spectral_radius();
-        let log = mhe.run(&self.outputs).ok()?;
+        let log = mhe.run_until(&self.outputs, &mut || stopped.load(Ordering::Relaxed)).ok()?;
+        self.compared(&log.x, spectral_radius)
+    }
+
+    /// The score of estimates (N·n), unless it is infinite.
+    fn compared(&self, x: &[f64], spectral_radius: f64) -> Option<Score> {
         let n = self.history.n();
         let squares = |span: usize| -> f64 {
-            let pairs = log.x.iter().zip(&self.truth).zip(self.spread.iter().cycle());
+            let pairs = x.iter().zip(&self.truth).zip(self.spread.iter().cycle());
             pairs.take(span * n).map(|((a, b), spread)| ((a - b) / spread).powi(2)).sum()
         };
         let errors: Vec<f64> = self.spans.iter().map(|&span| squares(span) / (span * n) as f64).collect();
@@ -77,15 +100,54 @@ impl Fold {
 
 /// Scores of (fold, setting) pairs, in their order, on all cores; `x_prior` of a setting that starts from a state is the fold's.
 ///
+/// `stop` is asked every 50 ms, with the number of pairs done; after true, what was not scored by then is None.
+///
 /// # Errors
 /// [`Error::Value`] for a fold that does not exist, and as [`Fold::check`]. A setting that a fold is too short for is no error but an
 /// infinite score.
-pub fn validate(folds: &[Fold], jobs: &[(usize, Config)]) -> Result<Vec<Score>, Error> {
+pub fn validate(
+    folds: &[Fold],
+    jobs: &[(usize, Config)],
+    stop: &mut dyn FnMut(usize) -> bool,
+) -> Result<Vec<Option<Score>>, Error> {
     folds.iter().try_for_each(Fold::check)?;
     if let Some((fold, _)) = jobs.iter().find(|(fold, _)| *fold >= folds.len()) {
         return Err(Error::value("jobs", format!("folds below {}", folds.len()), fold));
     }
     let useless = |fold: &Fold| Score { errors: vec![f64::INFINITY; fold.spans.len()], spectral_radius: f64::INFINITY };
-    let score = |(k, config): &(usize, Config)| folds[*k].score(config).unwrap_or_else(|| useless(&folds[*k]));
-    Ok(jobs.par_iter().map(score).collect())
+    let (groups, done) = (grouped(jobs), AtomicUsize::new(0));
+    let scores = |group: &Vec<usize>, stopped: &AtomicBool| -> Vec<Option<Score>> {
+        let fold = &folds[jobs[group[0]].0];
+        let configs: Vec<&Config> = group.iter().map(|&k| &jobs[k].1).collect();
+        let found = fold.scores(&configs, stopped);
+        done.fetch_add(group.len(), Ordering::Relaxed);
+        // what was stopped has no score
+        found
+            .into_iter()
+            .map(|s| (!stopped.load(Ordering::Relaxed)).then(|| s.unwrap_or_else(|| useless(fold))))
+            .collect()
+    };
+    let found = on_all_cores(groups.iter().collect(), scores, &mut |_| stop(done.load(Ordering::Relaxed)))?;
+    let mut all = vec![None; jobs.len()];
+    for (group, scores) in groups.iter().zip(found) {
+        group.iter().zip(scores.unwrap_or_default()).for_each(|(&k, score)| all[k] = score);
+    }
+    Ok(all)
+}
+
+/// Jobs that can share the decomposition of their windows, by number, in the order in which the first of each comes.
+fn grouped(jobs: &[(usize, Config)]) -> Vec<Vec<usize>> {
+    let alike = |a: &(usize, Config), b: &(usize, Config)| {
+        let shared = |config: &Config| (config.horizon, config.start, config.equilibrium.clone());
+        let linear = is_linear(&a.1) && is_linear(&b.1) && a.1.horizon.is_some();
+        a.0 == b.0 && linear && shared(&a.1) == shared(&b.1)
+    };
+    let mut groups: Vec<Vec<usize>> = Vec::new();
+    for (k, job) in jobs.iter().enumerate() {
+        match groups.iter_mut().find(|group| alike(&jobs[group[0]], job)) {
+            Some(group) => group.push(k),
+            None => groups.push(vec![k]),
+        }
+    }
+    groups
 }

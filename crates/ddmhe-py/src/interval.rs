@@ -3,9 +3,10 @@
 use crate::convert::{DdmheError, ModelViolationError, Numbers, ShapeError, array1, array2, raise, text, whole};
 use crate::exclusive::Exclusive;
 use crate::pickle::{Made, bytes, made};
+use crate::signals::{Signals, with_finished};
 use ddmhe_core::observer::{Dynamics, Euler, Gain, Linear, Method, Options, Pendulum, System, Uncertain};
 use ddmhe_core::snapshot::{Kind, from_bytes, to_bytes};
-use ddmhe_core::{Error, Interval, IntervalEstimate, Reduction};
+use ddmhe_core::{Error, Interrupt, Interval, IntervalEstimate, Reduction};
 use numpy::{PyArray1, PyArray2};
 use pyo3::exceptions::PyException;
 use pyo3::prelude::*;
@@ -469,10 +470,14 @@ impl ObserverCore {
         self.core.get("an observer")
     }
 
+    /// What a callable raised, if that interrupted it.
+    fn taken(&self) -> Option<PyErr> {
+        self.raised.lock().unwrap_or_else(PoisonError::into_inner).take()
+    }
+
     /// The exception of a core error: what a callable raised, if that interrupted it.
     fn raise(&self, error: Error) -> PyErr {
-        let raised = self.raised.lock().unwrap_or_else(PoisonError::into_inner).take();
-        raised.unwrap_or_else(|| raise(error))
+        self.taken().unwrap_or_else(|| raise(error))
     }
 }
 
@@ -566,8 +571,14 @@ impl ObserverCore {
         let (lower, upper, center) = (side(), side(), side());
         let mut log =
             IntervalLog { n, lower, upper, center, filtered: pair(), ball: pair(), ellipsoid: pair(), violation: None };
-        py.detach(|| {
+        let mut signals = Signals::default();
+        let found = py.detach(|| {
+            let mut stop = || signals.raised();
+            let mut interrupt = Interrupt::new(&mut stop);
             for k in 0..rows {
+                if interrupt.stopped() {
+                    break;
+                }
                 let u = if U.is_empty() { &[][..] } else { &U[k * inputs..(k + 1) * inputs] };
                 let e = match core.step(&Y[k * p..(k + 1) * p], u) {
                     Err(e @ Error::ModelViolation { .. }) => {
@@ -587,9 +598,13 @@ impl ObserverCore {
                 }
             }
             Ok::<_, Error>(())
-        })
-        .map_err(|e| self.raise(e))?;
-        Ok(log)
+        });
+        let words = format!("{} of {rows} steps were made", log.lower.len() / n);
+        match (found, self.taken()) {
+            (Err(_), Some(raised)) => Err(with_finished(py, raised, log, &words)),
+            (Err(error), None) => Err(raise(error)),
+            (Ok(()), _) => signals.outcome(py, log, &words),
+        }
     }
 
     fn reset(&self) -> PyResult<()> {

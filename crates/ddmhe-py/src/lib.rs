@@ -7,6 +7,7 @@ mod history;
 mod interval;
 mod mhe;
 mod pickle;
+mod signals;
 mod spaces;
 mod validation;
 

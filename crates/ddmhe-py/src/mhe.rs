@@ -7,6 +7,7 @@ use crate::convert::{
 use crate::exclusive::Exclusive;
 use crate::history::History;
 use crate::pickle::{Made, bytes, made};
+use crate::signals::Signals;
 use crate::spaces;
 use ddmhe_core::snapshot::{Kind, from_bytes, to_bytes};
 use ddmhe_core::{Bounds, Center, Config, Space, Start, Weighting};
@@ -14,7 +15,7 @@ use numpy::{Ix1, Ix2, PyArray1, PyArray2, PyArrayMethods, PyUntypedArrayMethods}
 use pyo3::PyTypeInfo;
 use pyo3::prelude::*;
 use pyo3::sync::PyOnceLock;
-use pyo3::types::{PyBytes, PyTuple, PyType};
+use pyo3::types::{PyBytes, PySlice, PyTuple, PyType};
 use std::sync::MutexGuard;
 
 /// Data-driven moving horizon estimation (Liu 2026, (16), (17), Algorithm 1).
@@ -198,6 +199,9 @@ impl DdMhe {
     /// Estimate over a whole log Y (N, p), with the GIL released: the same numbers as N calls of step.
     ///
     /// out : float64 array (N, n), optional. It receives the states and is the Log's x.
+    ///
+    /// A KeyboardInterrupt (any exception of a signal's handler) ends the run within about 50 ms. The estimator then stands
+    /// behind the last step made, and the Log of the steps made is the exception's attribute `finished`.
     #[pyo3(signature = (Y, out=None))]
     #[allow(non_snake_case)]
     fn run(&self, py: Python<'_>, Y: &Bound<'_, PyAny>, out: Option<&Bound<'_, PyAny>>) -> PyResult<Log> {
@@ -209,15 +213,20 @@ impl DdMhe {
             return Err(ShapeError::new_err(format!("Y: expected {p} columns, found {columns}")));
         }
         let room = out.map(|out| writable::<Ix2>("out", out, &[rows, n])).transpose()?;
-        let log = py.detach(|| core.run(&data)).map_err(raise)?;
+        let mut signals = Signals::default();
+        let log = py.detach(|| core.run_until(&data, &mut || signals.raised())).map_err(raise)?;
+        let made = log.status.len();
         let x = match (out, room) {
             (Some(out), Some(mut room)) => {
-                room.as_slice_mut()?.copy_from_slice(&log.x);
-                Some(out.cast::<PyArray2<f64>>()?.clone())
+                room.as_slice_mut()?[..made * n].copy_from_slice(&log.x);
+                let all = made == rows;
+                let x = if all { out.clone() } else { out.get_item(PySlice::new(py, 0, made as isize, 1))? };
+                Some(x.cast_into::<PyArray2<f64>>()?)
             }
             _ => None,
         };
-        Log::new(py, log, n, core.is_bounded(), x)
+        let log = Log::new(py, log, n, core.is_bounded(), x)?;
+        signals.outcome(py, log, &format!("{made} of {rows} steps were made"))
     }
 
     /// Back to t = 0: from x_prior (n,), or with another start, as in DdMhe; with neither, as constructed.
@@ -525,6 +534,8 @@ pub struct Log {
 /// ------
 /// ShapeError, NotFiniteError, RankError, DdmheError
 ///     As DdMhe and run, for the first log at fault; nothing has run if a shape is wrong.
+/// KeyboardInterrupt
+///     Within about 50 ms of Ctrl-C; its attribute `finished` is the list of Logs, each with the steps made by then.
 #[pyfunction]
 pub fn run_many(py: Python<'_>, estimators: &Bound<'_, PyAny>, logs: &Bound<'_, PyAny>) -> PyResult<Vec<Log>> {
     let logs: Vec<Bound<'_, PyAny>> = items("logs", "a list of arrays", logs)?;
@@ -532,9 +543,10 @@ pub fn run_many(py: Python<'_>, estimators: &Bound<'_, PyAny>, logs: &Bound<'_, 
         let core = &*one.get().core()?;
         let data = columns(&logs, |_| core.p())?;
         let slices: Vec<&[f64]> = data.iter().map(Vec::as_slice).collect();
-        let found = py.detach(|| ddmhe_core::run_copies(core, &slices)).map_err(raise)?;
-        let (n, bounded) = (core.n(), core.is_bounded());
-        return found.into_iter().map(|log| Log::new(py, log, n, bounded, None)).collect();
+        let mut signals = Signals::default();
+        let found = py.detach(|| ddmhe_core::run_copies(core, &slices, &mut |_| signals.raised())).map_err(raise)?;
+        let sizes = vec![(core.n(), core.is_bounded()); found.len()];
+        return logged(py, found, sizes, signals);
     }
     let estimators = items("estimators", "a DdMhe or a list of DdMhe or of History", estimators)?;
     if estimators.len() != logs.len() {
@@ -547,17 +559,12 @@ pub fn run_many(py: Python<'_>, estimators: &Bound<'_, PyAny>, logs: &Bound<'_, 
         let data = columns(&logs, |k| histories[k].core.p())?;
         let (histories, slices): (Vec<_>, Vec<&[f64]>) =
             histories.iter().zip(&data).map(|(h, log)| (&h.core, log.as_slice())).unzip();
-        let found = py.detach(|| {
-            let mut built = ddmhe_core::build_many(&histories, &Config::default())?;
-            ddmhe_core::run_many(&mut built.iter_mut().collect::<Vec<_>>(), &slices)
-        });
-        let sizes = histories.iter().map(|history| history.n());
-        return found
-            .map_err(raise)?
-            .into_iter()
-            .zip(sizes)
-            .map(|(log, n)| Log::new(py, log, n, false, None))
-            .collect();
+        let (mut signals, config) = (Signals::default(), Config::default());
+        let found = py
+            .detach(|| ddmhe_core::run_recordings(&histories, &config, &slices, &mut |_| signals.raised()))
+            .map_err(raise)?;
+        let sizes = histories.iter().map(|history| (history.n(), false)).collect();
+        return logged(py, found, sizes, signals);
     }
     let mut borrowed = Vec::with_capacity(estimators.len());
     for (k, item) in estimators.iter().enumerate() {
@@ -573,8 +580,24 @@ pub fn run_many(py: Python<'_>, estimators: &Bound<'_, PyAny>, logs: &Bound<'_, 
     let sizes: Vec<(usize, bool)> = borrowed.iter().map(|e| (e.n(), e.is_bounded())).collect();
     let mut cores: Vec<&mut ddmhe_core::DdMhe> = borrowed.iter_mut().map(|e| &mut **e).collect();
     let slices: Vec<&[f64]> = data.iter().map(Vec::as_slice).collect();
-    let found = py.detach(|| ddmhe_core::run_many(&mut cores, &slices)).map_err(raise)?;
-    found.into_iter().zip(sizes).map(|(log, (n, bounded))| Log::new(py, log, n, bounded, None)).collect()
+    let mut signals = Signals::default();
+    let found = py.detach(|| ddmhe_core::run_many(&mut cores, &slices, &mut |_| signals.raised())).map_err(raise)?;
+    logged(py, found, sizes, signals)
+}
+
+/// Logs of (n, whether there are error bounds), or what ended the work, with those that there are.
+fn logged(
+    py: Python<'_>,
+    found: Vec<ddmhe_core::Log>,
+    sizes: Vec<(usize, bool)>,
+    signals: Signals,
+) -> PyResult<Vec<Log>> {
+    let logs: Vec<Log> = found
+        .into_iter()
+        .zip(sizes)
+        .map(|(log, (n, bounded))| Log::new(py, log, n, bounded, None))
+        .collect::<PyResult<_>>()?;
+    signals.outcome(py, logs, "the run was stopped")
 }
 
 fn in_use(k: usize) -> PyErr {

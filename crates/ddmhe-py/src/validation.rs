@@ -2,6 +2,7 @@
 
 use crate::convert::{DdmheError, Numbers, number, raise, whole};
 use crate::mhe::{cast_history, rest, start, weighting};
+use crate::signals::Signals;
 use crate::spaces;
 use ddmhe_core::Config;
 use ddmhe_core::validation::{self, Fold, Score};
@@ -13,23 +14,39 @@ use pyo3::types::PyDict;
 type Held<'py> =
     (Bound<'py, PyAny>, Bound<'py, PyAny>, Bound<'py, PyAny>, Bound<'py, PyAny>, Vec<usize>, Bound<'py, PyAny>);
 
+/// Mean squared relative error of each span, spectral radius.
+type Pair = (Vec<f64>, f64);
+
 /// Scores (mean squared relative error of each span, spectral radius) of jobs (fold, settings), on all cores.
 ///
 /// A fold is (history, x_prior, outputs, truth, spans, spread).
 ///
 /// Settings are keywords of DdMhe: horizon, rho, mu, weights, space, equilibrium, start. A setting that cannot be used scores inf.
+/// `progress(done)` is called now and then. What it or a signal's handler raises ends the work within about 50 ms; the
+/// scores found by then, None for the others, are the exception's attribute `finished`.
 #[pyfunction]
+#[pyo3(signature = (folds, jobs, progress=None))]
 pub fn validate(
     py: Python<'_>,
     folds: Vec<Held<'_>>,
     jobs: Vec<(usize, Bound<'_, PyDict>)>,
-) -> PyResult<Vec<(Vec<f64>, f64)>> {
+    progress: Option<Py<PyAny>>,
+) -> PyResult<Vec<Option<Pair>>> {
     let folds: Vec<Fold> = folds.into_iter().map(fold).collect::<PyResult<_>>()?;
     let (n, p) = folds.first().map_or((0, 0), |f| (f.history.n(), f.history.p()));
     let jobs: Vec<(usize, Config)> =
         jobs.iter().map(|(fold, given)| Ok((*fold, config(given, n, p)?))).collect::<PyResult<_>>()?;
-    let scores = py.detach(|| validation::validate(&folds, &jobs)).map_err(raise)?;
-    Ok(scores.into_iter().map(|Score { errors, spectral_radius }| (errors, spectral_radius)).collect())
+    let mut signals = Signals::default();
+    let mut stop = |done: usize| {
+        signals.raised_by(|py| {
+            py.check_signals()?;
+            progress.as_ref().map_or(Ok(()), |progress| progress.call1(py, (done,)).map(drop))
+        })
+    };
+    let scores = py.detach(|| validation::validate(&folds, &jobs, &mut stop)).map_err(raise)?;
+    let scores =
+        scores.into_iter().map(|score| score.map(|Score { errors, spectral_radius }| (errors, spectral_radius)));
+    signals.outcome(py, scores.collect(), "the validation was stopped")
 }
 
 fn fold((h, x, y, truth, spans, spread): Held<'_>) -> PyResult<Fold> {

@@ -49,9 +49,15 @@ class Baseline:
         return Estimate(self._next(_outputs("y_t", np.atleast_1d(numbers("y_t", y_t, missing=True)), (self.p,))))
 
     def run(self, Y: ArrayLike) -> Log:
-        """Consume outputs (N, p), one step each."""
-        Y_ = _outputs("Y", Y, (-1, self.p))
-        return Log(np.array([self._next(y) for y in Y_]).reshape(len(Y_), self.n))
+        """Consume outputs (N, p), one step each. A KeyboardInterrupt has the Log so far as `finished`."""
+        x: list[Array] = []
+        try:
+            for y in _outputs("Y", Y, (-1, self.p)):
+                x.append(self._next(y))
+        except KeyboardInterrupt as e:
+            e.finished = Log(np.reshape(x, (-1, self.n)))  # type: ignore[attr-defined]
+            raise
+        return Log(np.reshape(x, (-1, self.n)))
 
     def reset(self, x_prior: ArrayLike | None = None) -> None:
         """Start again from x_prior (n,), or from the last recorded state."""

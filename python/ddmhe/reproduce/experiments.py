@@ -272,10 +272,21 @@ def pendulum_intervals(advance: Callable[[], None]) -> Result:
 
 
 def reproduce_real(paths: list[Path], directory: Path, advance: Callable[[], None]) -> tuple[Result, list[Path]]:
-    """All estimators on every pendulum log; NRMSE as CSV and Markdown."""
+    """All estimators on every pendulum log; NRMSE as CSV and Markdown.
+
+    A KeyboardInterrupt has the same of the logs that were finished as its `finished`, None without any.
+    """
     from ddmhe.reproduce.real import pendulum_scores
 
-    scores = pendulum_scores(paths, advance)
+    try:
+        return _summarised(pendulum_scores(paths, advance), directory)
+    except KeyboardInterrupt as e:
+        scores: Any = getattr(e, "finished", ())
+        e.finished = _summarised(scores, directory) if len(scores) else None  # type: ignore[attr-defined]
+        raise
+
+
+def _summarised(scores: pd.DataFrame, directory: Path) -> tuple[Result, list[Path]]:
     table = Table("estimator", "geometric mean", "median", "worst", "diverged", title="NRMSE", title_justify="left")
     summary = []
     for name in map(str, scores):
@@ -288,7 +299,7 @@ def reproduce_real(paths: list[Path], directory: Path, advance: Callable[[], Non
     directory.mkdir(parents=True, exist_ok=True)
     written = [directory / "real.csv", directory / "real.md"]
     write(written[0], scores.to_csv)
-    write_text(written[1], _markdown(scores, sorted(summary), len(paths)))
+    write_text(written[1], _markdown(scores, sorted(summary), len(scores)))
     return Result(printed=[table]), written
 
 

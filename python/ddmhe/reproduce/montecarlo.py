@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+import multiprocessing
 import os
+import signal
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
+from threadpoolctl import threadpool_limits
 
-from ddmhe._core import ShapeError
+from ddmhe._core import DdmheError, ShapeError
 
 Array = NDArray[np.float64]
 T = TypeVar("T")
@@ -139,15 +143,49 @@ def _grid_job(job: tuple[Callable[..., Trial], int, Mapping[str, Any]]) -> Trial
 
 
 def in_parallel(function: Callable[..., T], jobs: Sequence[Any], advance: Callable[[], None], **given: Any) -> list[T]:
-    """`function(job, **given)` for every job, in processes on all cores; `advance` is called after each."""
+    """`function(job, **given)` for every job, in processes on all cores; `advance` is called after each.
+
+    The processes are not forked from this one, whose threads they would lack. An exception, Ctrl-C above all, ends them
+    at once; a KeyboardInterrupt has the results by then as its `finished`.
+
+    Raises
+    ------
+    DdmheError
+        A process was killed.
+    """
+    others = set(multiprocessing.active_children())
+    workers = max(1, min(os.cpu_count() or 1, len(jobs)))
+    pool = ProcessPoolExecutor(workers, _context(), initializer=_start_worker)
     found = []
-    with ProcessPoolExecutor(os.cpu_count() or 1, initializer=_one_thread) as pool:
+    try:
         for future in [pool.submit(function, job, **given) for job in jobs]:
             found.append(future.result())
             advance()
+    except BrokenProcessPool as e:
+        raise DdmheError(
+            f"workers: expected {workers} processes that finish their jobs, found one that was killed after "
+            f"{len(found)} of {len(jobs)} jobs (by hand, or by the system for want of memory)"
+        ) from e
+    except BaseException as e:
+        if isinstance(e, KeyboardInterrupt):
+            e.finished = found  # type: ignore[attr-defined]
+        pool.shutdown(wait=False, cancel_futures=True)
+        for child in set(multiprocessing.active_children()) - others:
+            child.terminate()
+        raise
+    finally:
+        pool.shutdown()
     return found
 
 
-def _one_thread() -> None:
-    """The processes share the cores: no threads inside of them."""
+def _context() -> Any:
+    """How worker processes start where the platform leaves a choice: from a clean process, never a copy of this one."""
+    methods = multiprocessing.get_all_start_methods()
+    return multiprocessing.get_context("forkserver" if "forkserver" in methods else "spawn")
+
+
+def _start_worker() -> None:
+    """The processes share the cores: no threads inside of them. Ctrl-C is the parent's to act on."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
     os.environ["RAYON_NUM_THREADS"] = "1"
+    threadpool_limits(1)

@@ -81,8 +81,15 @@ def estimators(history: History) -> Mapping[str, Callable[[], Any]]:
 
 def pendulum_scores(paths: list[Path], advance: Callable[[], None]) -> pd.DataFrame:
     """Pooled NRMSE, one row per log and one column per estimator; infinite where one diverges."""
-    rows = in_parallel(_scores, paths, advance)
-    return pd.DataFrame(rows, index=pd.Index([path.stem for path in paths], name="log"))
+
+    def table(rows: list[dict[str, float]]) -> pd.DataFrame:
+        return pd.DataFrame(rows, index=pd.Index([path.stem for path in paths[: len(rows)]], name="log"))
+
+    try:
+        return table(in_parallel(_scores, paths, advance))
+    except KeyboardInterrupt as e:
+        e.finished = table(getattr(e, "finished", []))  # type: ignore[attr-defined]
+        raise
 
 
 def _scores(path: Path) -> dict[str, float]:
