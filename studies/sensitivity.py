@@ -35,7 +35,7 @@ def errors(seed, noise, recorded, settings):
     x, y = record.x[: demo.T + 1], record.y[: demo.T]
     x = x + recorded * np.random.default_rng(10_000 + seed).standard_normal(x.shape)
     y = y if recorded > 0 else ddmhe.models.detumbling().output(x[:-1])
-    history = ddmhe.History(x, y, dt=demo.DT)
+    history = ddmhe.History(x, y, dt=demo.DT, x_units=record.x_units, y_units=record.y_units)
     found = []
     for given in settings:
         given = BASE | given

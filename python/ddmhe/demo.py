@@ -55,7 +55,7 @@ class Run:
 def runs(noise: float, seed: int, advance: Callable[[], None]) -> tuple[models.Recording, dict[str, Run]]:
     """Simulate with `noise` (N·m) on the torque and estimate with each of SETTINGS; `advance` is called every step."""
     recording = models.detumbling().simulate(DURATION, DT, noise=noise, seed=seed)
-    history = History(recording.x[: T + 1], recording.y[:T], dt=DT, x_units="rad/s", y_units="N m")
+    history = recording.history(T)
     return recording, {name: run(history, recording.y[T:-1], given, advance) for name, given in SETTINGS.items()}
 
 

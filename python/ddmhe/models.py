@@ -18,7 +18,7 @@ from typing import Any, ClassVar, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ddmhe._core import DdmheError, ShapeError, numbers
+from ddmhe._core import DdmheError, History, ShapeError, numbers
 from ddmhe.arguments import check_finite, check_number, check_path, check_whole, choice
 
 Array = NDArray[np.float64]
@@ -38,6 +38,17 @@ class Recording:
     """Measured output (N+1, p), noise included."""
     x_recorded: Array
     """State as its sensor reads it (N+1, n): equal to x unless the model has a sensor that rounds."""
+    x_units: tuple[str, ...] = ()
+    """Units of the states (n)."""
+    y_units: tuple[str, ...] = ()
+    """Units of the outputs (p)."""
+
+    def history(self, samples: int | None = None) -> History:
+        """The first `samples` outputs (default all but the last) and the states as recorded, with their units."""
+        T = len(self.y) - 1 if samples is None else samples
+        check_whole("samples", T, 1, len(self.y) - 1)
+        x_units, y_units = self.x_units or None, self.y_units or None
+        return History(self.x_recorded[: T + 1], self.y[:T], float(self.t[1]), x_units=x_units, y_units=y_units)
 
 
 MOST_STEPS = 100_000_000
@@ -46,6 +57,11 @@ MOST_STEPS = 100_000_000
 
 class _Model:
     """A system dx/dt = derivative(x), y = output(x), started at `initial_state`."""
+
+    x_units: ClassVar[tuple[str, ...]] = ()
+    """Units of the states (n)."""
+    y_units: ClassVar[tuple[str, ...]] = ()
+    """Units of the outputs (p)."""
 
     @property
     def initial_state(self) -> Array:
@@ -105,7 +121,7 @@ class _Model:
             raise DdmheError(f"dt: expected one small enough, found that the {integrator!r} motion diverges at {dt} s")
         y = self.output(x)
         y += noise * np.random.default_rng(seed).standard_normal(y.shape)
-        return Recording(t, x, y, self._as_recorded(x, dt))
+        return Recording(t, x, y, self._as_recorded(x, dt), self.x_units, self.y_units)
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,6 +132,8 @@ class Detumbling(_Model):
     equations (2) with the magnetic dipole model (39)-(41). Defaults are the paper's.
     """
 
+    x_units: ClassVar[tuple[str, ...]] = ("rad/s",) * 3
+    y_units: ClassVar[tuple[str, ...]] = ("N m",) * 3
     inertia: Array = field(default_factory=lambda: np.array([4513.2, 4138.1, 3282.5]))
     """Inertia of the target, kg·m²: (3,) principal moments or (3, 3) symmetric positive definite; kept as (3, 3)."""
     M_eff: Array = field(default_factory=lambda: 0.89e5 * np.diag([5.908, 5.908, 1.951]))
@@ -221,6 +239,8 @@ class SpinDown(_Model):
     eddy torque, a decay time of 1 s, so that the speed falls by 40 % in the paper's 0.5 s of history.
     """
 
+    x_units: ClassVar[tuple[str, ...]] = ("rad/s",)
+    y_units: ClassVar[tuple[str, ...]] = ("N m",)
     inertia: float = 5e-3
     """Inertia of the target, kg·m²."""
     eddy: float = 5e-3
@@ -294,6 +314,8 @@ class Pendulum(_Model):
     x2⁺ = x2 - dt stiffness sin x1.
     """
 
+    x_units: ClassVar[tuple[str, ...]] = ("rad", "rad/s")
+    y_units: ClassVar[tuple[str, ...]] = ("rad",)
     paper_dt: ClassVar[float] = 0.065
     """Sampling interval of the paper, s."""
 

@@ -226,3 +226,18 @@ def test_curve_file_without_the_columns_is_an_error(tmp_path):
 def test_parameters_cannot_be_changed_afterwards():
     with pytest.raises(ValueError, match="read-only"):
         detumbling().B[0] = 1.0
+
+
+def test_a_recording_becomes_a_history_with_its_units():
+    record = spin_down(encoder_counts=4096).simulate(1.0, 0.01, noise=1e-4)
+    history = record.history(60)
+    (x, y), *_ = history.recordings
+    np.testing.assert_array_equal(x, record.x_recorded[:61])
+    np.testing.assert_array_equal(y, record.y[:60])
+    assert (history.dt, history.x_units, history.y_units) == (0.01, ["rad/s"], ["N m"])
+    assert record.history().T == 100
+    assert pendulum().simulate(1.3, 0.065).history().x_units == ["rad", "rad/s"]
+    assert detumbling().simulate(1.0, 0.1).history().y_units == ["N m"] * 3
+    for samples in (0, 101, 2.0, True):
+        with pytest.raises(DdmheError, match=r"^samples: expected"):
+            record.history(samples)

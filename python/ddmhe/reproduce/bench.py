@@ -137,7 +137,7 @@ def trial(
     if noisy:
         level[(t >= EVENT[0]) & (t < EVENT[1])] *= LARGE_NOISE / NOISE
     y = record.y + level[:, None] * np.random.default_rng(seed).standard_normal(record.y.shape)
-    history = History(record.x_recorded[: T + 1], y[:T], dt=DT, x_units="rad/s", y_units="N m")
+    history = History(record.x_recorded[: T + 1], y[:T], dt=DT, x_units=record.x_units, y_units=record.y_units)
     taken = estimators(history, bench, record.x_recorded[T], mu, seed)
     found = estimates({name: taken[name] for name in (taken if names is None else names)}, y[T:-1], 1)
     center, active = box(history, y[T:-1], M, RHO, mu, 1) if seed == 0 else (None, None)

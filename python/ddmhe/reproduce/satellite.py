@@ -76,7 +76,7 @@ def trial(seed: int, noise: float, recorded: float, span: float = SPANS[-2]) -> 
         x = x + recorded * np.random.default_rng(10_000 + seed).standard_normal(x.shape)
     else:
         y = np.asarray(model.output(x[:-1]))
-    history = History(x, y, dt=demo.DT, x_units="rad/s", y_units="N m")
+    history = History(x, y, dt=demo.DT, x_units=record.x_units, y_units=record.y_units)
     Y = record.y[demo.T : -1]
     found = estimates(estimators(history, model, recorded, noise, seed), Y, 3)
     printed = demo.PAPER["horizon"], demo.PAPER["rho"], demo.PAPER["mu"]
