@@ -1,7 +1,7 @@
 # Needs Python >= 3.10 and Rust, nothing else; PYTHON=python3.12 names the interpreter of a new .venv.
 .DEFAULT_GOAL := help
 .NOTPARALLEL:
-.PHONY: help setup packages demo test test-long lint bench bench-latency bench-peers instructions wheel test-wheel study-defaults study-certificates study-tuning study-sensitivity study-reproduction study-intervals clean
+.PHONY: help setup packages demo test test-long lint bench bench-latency bench-peers instructions wheel test-wheel study-defaults study-certificates study-tuning study-promise study-sensitivity study-reproduction study-intervals clean
 
 PY := .venv/bin/python
 # The build belongs to .venv, whatever environment the shell is in.
@@ -81,6 +81,9 @@ study-certificates: setup ## what certificates hold and cost
 
 study-tuning: setup ## tuned settings against the best in hindsight
 	$(PY) studies/tuning.py
+
+study-promise: setup ## whether later errors stay in the range that tune promises
+	$(PY) studies/promise.py
 
 study-sensitivity: setup ## errors over mu, rho, M, rank and noise on the 3-DOF case
 	$(PY) studies/sensitivity.py

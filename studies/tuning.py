@@ -52,7 +52,7 @@ def judge(case, rest):
         found = {"tuned": run(tuned.settings | {"start": tuned.start}), "defaults": run({})}
         hindsight = []
         for settings in tuned.candidates:
-            for start in ("state", "recording") if case.relative else ("state",):
+            for start in ("state", "recording"):
                 hindsight.append(run(settings | {"start": start}))
     best = {name: np.nanmin([error[name] for error in hindsight]) for name in case.spans}
     return case.group, found, best, seconds

@@ -307,7 +307,9 @@ def design(log: Path, out: Path, radius: float, eta: float | None, condition: fl
 def tune(log: Path, out: Path, output_noise: float | None, rest: bool, **given: Any) -> None:
     """Settings from a recording alone, chosen on parts of it that the estimator has not seen.
 
-    Writes tune.toml, which `estimate --config` accepts, the scores as tune.csv and tune.png into DIR.
+    Prints for each state what error to expect and whether the recording shows the settings to be better than the
+    default rule's. Writes tune.toml, which `estimate --config` accepts and which holds nothing but the start where the
+    default rule is kept, the scores as tune.csv and tune.png into DIR.
     """
     from ddmhe.plot import tuning_figure
     from ddmhe.tuning import tune as tuned
@@ -324,13 +326,14 @@ def tune(log: Path, out: Path, output_noise: float | None, rest: bool, **given: 
         stopped, found = True, e.finished  # type: ignore[attr-defined]
     out.mkdir(parents=True, exist_ok=True)
     written = [out / name for name in ("tune.toml", "tune.csv", "tune.png")]
-    write_config(written[0], found.settings)
+    write_config(written[0], found.settings | {"start": found.start})
     write_file(written[1], lambda beside: found.table.to_csv(beside, index=False))
     report.save_figure(tuning_figure(found.table), written[2])
     console = Console()
     console.print(report.scores(f"Settings for {log.name}, the ten best of {len(found.table)}", found.table.head(10)))
+    names = samples.names.state
+    console.print(report.promise("What to expect, by held-out ends of the recording", found, names))
     console.print(found.words, markup=False, highlight=False)
-    console.print(f"Start, where the log goes on: --start-from {found.start}", markup=False, highlight=False)
     _print_warnings(console, "", _untold(samples, found.warnings))
     _print_written(console, written)
     if stopped:

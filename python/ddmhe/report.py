@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from ddmhe.design import AffineModel, Certificate, PolePlacement
     from ddmhe.interval import ObserverDesign
     from ddmhe.reproduce import Claim
+    from ddmhe.tuning import Tuning
 
 Array = NDArray[np.float64]
 
@@ -31,6 +32,7 @@ __all__ = [
     "observer_design",
     "outcome",
     "pooled_nrmse",
+    "promise",
     "rmse",
     "rmse_norm",
     "root_mean_square",
@@ -172,6 +174,17 @@ def scores(title: str, best: pd.DataFrame) -> Table:
         quarters = " ".join(f"{row[key]:.1e}" for key in row if str(key).startswith("quarter"))
         cells = [str(row["horizon"]), f"{row['mu']:.2g}", space, "yes" if row["equilibrium"] else "no"]
         result.add_row(*cells, f"{np.exp(row['score']):.2e}", quarters, f"{row['spectral radius']:.3f}")
+    return result
+
+
+def promise(title: str, tuning: Tuning, names: Sequence[str]) -> Table:
+    """What a tuning promises of each state, in its unit, and whether it is better than the default rule there."""
+    result = Table("state", "rms error", "range", "against the default rule", title=title, title_justify="left")
+    kept = "horizon" not in tuning.settings and "equilibrium" not in tuning.settings
+    for name, error, low, high, ratio in zip(names, tuning.promise, *tuning.range, tuning.ratio, strict=True):
+        against = "cannot tell" if kept or np.isnan(ratio) else f"{ratio:.2g} times its error"
+        known = "unknown" if np.isnan(error) else f"{error:.3g}"
+        result.add_row(name, known, f"{low:.2g} to {high:.2g}" if np.isfinite(high) else "unknown", against)
     return result
 
 

@@ -405,6 +405,11 @@ def test_tune_writes_settings_that_estimate_takes(log, tmp_path):
     assert "held-out quarters" in result.stdout
     assert (tmp_path / "tune.png").read_bytes().startswith(PNG)
     assert len(pd.read_csv(tmp_path / "tune.csv")) > 100
+    # of each state, by its column: what to expect, and whether the settings are better than the default rule's
+    for column in COLUMNS[COLUMNS.index("--state") + 1].split(","):
+        (row,) = [line for line in result.stdout.splitlines() if line.strip("│ ").startswith(f"{column} ")]
+        assert re.search(r"│ +[\d.e-]+ +│ +[\d.e-]+ to [\d.e-]+ +│ +(cannot tell|[\d.e-]+ times its error)", row)
+    assert ddmhe.config.read_config(tmp_path / "tune.toml")["start"] == "recording"
     estimated = in_here("estimate", log, *COLUMNS, "--history", 8, "--config", tmp_path / "tune.toml")
     assert estimated.returncode == 0
     # chosen for accuracy, not for contraction, and said

@@ -320,4 +320,8 @@ def test_an_interrupt_inside_of_a_users_function_stays_one(kind, where):
 def test_tuning_travels():
     assert validate([], []) == []
     tuned = ddmhe.tune(ddmhe.History(X[:31], Y[:30]), progress=False)
-    same(pickle.loads(pickle.dumps(tuned)).settings, tuned.settings)
+    for other in (pickle.loads(pickle.dumps(tuned)), copy.copy(tuned), copy.deepcopy(tuned)):
+        same(other.settings, tuned.settings)
+        np.testing.assert_array_equal(other.promise, tuned.promise)
+        np.testing.assert_array_equal(other.range, tuned.range)
+        assert (other.start, other.words) == (tuned.start, tuned.words)

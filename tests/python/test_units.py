@@ -56,6 +56,9 @@ def test_tune_sees_no_units(samples):
         scaled = ddmhe.tune(ddmhe.History(x * [1e-4, 1.0, 10.0], y * scale), progress=False)
         assert str(scaled.settings) == str(plain.settings)
         assert scaled.score == pytest.approx(plain.score, abs=1e-6)
+        assert scaled.promise == pytest.approx(plain.promise * [1e-4, 1.0, 10.0], rel=1e-6)
+        for ours, theirs in zip(scaled.range, plain.range, strict=True):
+            assert ours == pytest.approx(theirs * [1e-4, 1.0, 10.0], rel=1e-5)
 
 
 def test_channels_of_one_unit_share_a_scale():
