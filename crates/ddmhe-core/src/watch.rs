@@ -26,10 +26,10 @@ const LEAST: usize = 8;
 /// What is watched online; empty for a recording whose outputs all moved and cannot be angles.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Watch {
+    jump: Vec<f64>, // by output: a step below this is none by a turn; infinite if it cannot be an angle
     still: Vec<(usize, f64, f64)>, // output, its recorded value, how far from it is rounding
-    jump: Vec<f64>,                // by output: a step below this is none by a turn; infinite if it cannot be an angle
-    ranges: Vec<Vec<(f64, f64)>>,  // by output: what it may be wrapped to
-    usual: Vec<f64>,               // by output: the largest ordinary step
+    ranges: Vec<Vec<(f64, f64)>>, // by output: what it may be wrapped to
+    usual: Vec<f64>, // by output: the largest ordinary step
 }
 
 /// What was seen online: the step at which each output first did what it never did in the recording.
@@ -70,8 +70,8 @@ impl Watch {
             // a channel that leapt as far in the recording may do so again
             let mut ranges = channel.ranges();
             ranges.retain(|(turn, _)| usual <= STEP * turn);
-            let margin = |turn: f64| turn - (2.0 * usual).max(10.0 * SLACK * turn);
-            watch.jump.push(ranges.iter().map(|r| margin(r.0)).fold(f64::INFINITY, f64::min));
+            let least = |&(turn, _): &(f64, f64)| turn - margin(usual, turn);
+            watch.jump.push(ranges.iter().map(least).fold(f64::INFINITY, f64::min));
             watch.ranges.push(ranges);
             watch.usual.push(usual);
         }
@@ -87,11 +87,21 @@ impl Watch {
     /// Takes note of y(t-1) (p numbers, NaN where not measured) at step t.
     #[inline]
     pub fn note(&self, seen: &mut Seen, y: &[f64], t: usize) {
-        for (i, (&y, last)) in y.iter().zip(&mut seen.last).enumerate() {
-            if (y - *last).abs() >= self.jump[i] && seen.turned[i].is_none() && self.is_turn(i, *last, y) {
+        let steps = y.iter().zip(&seen.last).map(|(y, last)| (y - last).abs());
+        let jumps = steps.zip(&self.jump).fold(false, |jumps, (step, jump)| jumps | (step >= *jump));
+        if jumps || !self.still.is_empty() {
+            self.look(seen, y, t);
+        }
+        seen.last.iter_mut().zip(y).for_each(|(last, &y)| *last = if y.is_nan() { *last } else { y });
+    }
+
+    /// The same where an output may have done what it never did in the recording.
+    #[cold]
+    fn look(&self, seen: &mut Seen, y: &[f64], t: usize) {
+        for (i, (&y, &last)) in y.iter().zip(&seen.last).enumerate() {
+            if seen.turned[i].is_none() && self.is_turn(i, last, y) {
                 seen.turned[i] = Some(t);
             }
-            *last = if y.is_nan() { *last } else { y };
         }
         for (&(i, value, rounding), moved) in self.still.iter().zip(&mut seen.moved) {
             if moved.is_none() && (y[i] - value).abs() > rounding {
@@ -101,12 +111,11 @@ impl Watch {
     }
 
     /// Whether an output went from one end of a range that it may be wrapped to to the other.
-    #[cold]
     fn is_turn(&self, i: usize, from: f64, to: f64) -> bool {
-        let (step, usual) = ((to - from).abs(), self.usual[i]);
+        let step = (to - from).abs();
         self.ranges[i].iter().any(|&(turn, lo)| {
             let inside = |v: f64| v >= lo - SLACK * turn && v <= lo + turn + SLACK * turn;
-            inside(from) && inside(to) && (step - turn).abs() <= (2.0 * usual).max(10.0 * SLACK * turn)
+            inside(from) && inside(to) && (step - turn).abs() <= margin(self.usual[i], turn)
         })
     }
 
@@ -238,6 +247,11 @@ pub(crate) fn still_states(history: &History) -> impl Iterator<Item = usize> {
     let parts = || (0..history.recordings()).map(|i| history.states(i)).collect();
     let channel = move |index: usize| Channel { parts: parts(), width: history.n(), index };
     (0..history.n()).filter(move |&i| channel(i).still().is_some())
+}
+
+/// How far from a full turn a jump by one may be: by ordinary steps on both sides of it, or by printed digits.
+fn margin(usual: f64, turn: f64) -> f64 {
+    (2.0 * usual).max(10.0 * SLACK * turn)
 }
 
 /// A number without the digits that only rounding puts there.
