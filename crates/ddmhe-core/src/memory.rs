@@ -211,13 +211,6 @@ impl Memory {
         self.states.forget();
     }
 
-    /// The window that a step found, as it lies in the room for it.
-    #[inline]
-    pub fn answer(&self) -> &[f64] {
-        let first = self.scratch + 2 * self.sizes.rank;
-        &self.block[first..first + self.sizes.window]
-    }
-
     /// The window's states and outputs, and the room for a step.
     #[inline(always)]
     pub fn parts(&mut self) -> (&[f64], &[f64], Scratch<'_>) {

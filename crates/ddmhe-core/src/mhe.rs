@@ -407,21 +407,22 @@ impl DdMhe {
         self.memory.replace_states(past.flat_map(|x| self.design.scaling.deviations(x, &[])));
     }
 
-    /// The minimiser over the window in memory, into the scratch, and its fitted noise into the estimate.
+    /// The minimiser over the window in memory, its states and fitted noise into the estimate.
     #[inline(always)]
     fn minimise(&mut self, x_bounds: Option<&Bounds>) -> Found {
-        let (design, v) = (&*self.design, &mut self.estimate.v);
+        let (design, Estimate { window: states, v, .. }) = (&*self.design, &mut self.estimate);
         let (problems, weights) = problems(design, self.opening.as_deref(), self.t < self.growing);
         let (problem, data, mut scratch) = window(design, problems, &mut self.memory, x_bounds);
+        states.resize((problem.shape.depth + 1) * problem.shape.n, 0.0);
         v.resize(data.outputs.len(), 0.0);
         let limits = &design.limits;
-        match problem.solve(weights, limits, &data, (&mut self.kept, &mut scratch), v) {
+        match problem.solve(weights, limits, &data, (&mut self.kept, &mut scratch), (states, v)) {
             Some(found) => found,
             None => design
                 .without_missing(problem, weights, data.outputs)
                 .ok()
-                .and_then(|problem| problem.solve(weights, limits, &data, (&mut self.kept, &mut scratch), v))
-                .unwrap_or_else(|| problem.rest(weights, &data, &mut scratch, v)),
+                .and_then(|problem| problem.solve(weights, limits, &data, (&mut self.kept, &mut scratch), (states, v)))
+                .unwrap_or_else(|| problem.rest(weights, &data, &mut scratch, (states, v))),
         }
     }
 
@@ -432,18 +433,13 @@ impl DdMhe {
         self.minimise(x_bounds)
     }
 
-    /// The estimate from the scratch, and its x̂(t) into memory.
+    /// The rest of the estimate, and x̂(t) into memory.
     #[inline]
     fn hand_out(&mut self, found: Found) {
         let (design, estimate) = (&*self.design, &mut self.estimate);
-        let (n, depth) = (design.history.n(), self.memory.depth());
-        let (problems, _) = problems(design, self.opening.as_deref(), self.t < self.growing);
-        let problem = &problems[depth - design.first];
-        estimate.window.clear();
-        estimate.window.extend(problem.in_user_units(self.memory.answer()));
-        let window = &estimate.window;
+        let (n, window) = (design.history.n(), &estimate.window);
         estimate.x.clear();
-        estimate.x.extend_from_slice(&window[depth * n..]);
+        estimate.x.extend_from_slice(&window[window.len() - n..]);
         estimate.cost = found.cost;
         (estimate.status, estimate.active, estimate.iterations) = (found.status, found.active, found.iterations);
         estimate.bound = self.bound.as_mut().map(|bound| {
@@ -454,7 +450,7 @@ impl DdMhe {
         self.memory.push_state(design.scaling.deviations(&estimate.x, &[]));
     }
 
-    /// What to make of a window without a minimiser, into the scratch; whether past estimates are to be forgotten.
+    /// What to make of a window without a minimiser, into the estimate; whether past estimates are to be forgotten.
     #[cold]
     fn reconsider(&mut self, found: &mut Found, x_bounds: Option<&Bounds>) -> bool {
         if found.status == Status::AlmostOptimal {
@@ -475,7 +471,8 @@ impl DdMhe {
         if !found.sound {
             let (problems, weights) = problems(&self.design, self.opening.as_deref(), self.t < self.growing);
             let (problem, data, mut scratch) = window(&self.design, problems, &mut self.memory, x_bounds);
-            *found = problem.rest(weights, &data, &mut scratch, &mut self.estimate.v);
+            let Estimate { window: states, v, .. } = &mut self.estimate;
+            *found = problem.rest(weights, &data, &mut scratch, (states, v));
         }
         found.status = status;
         anew

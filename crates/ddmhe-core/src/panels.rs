@@ -86,9 +86,7 @@ fn product<const SUMS: usize>(start: [f64; WIDTH], columns: &[Column], x: &[f64]
 
 #[inline(always)]
 fn add(sum: &mut [f64; WIDTH], column: &Column, x: f64) {
-    for (sum, value) in sum.iter_mut().zip(&column.0) {
-        *sum += value * x;
-    }
+    *sum = each(*sum, each(column.0, [x; WIDTH], |value, x| value * x), |sum, part| sum + part);
 }
 
 /// aᵀb of equally long vectors, in four interleaved sums.

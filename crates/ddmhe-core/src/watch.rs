@@ -87,30 +87,31 @@ impl Watch {
     /// Takes note of y(t-1) (p numbers, NaN where not measured) at step t.
     #[inline]
     pub fn note(&self, seen: &mut Seen, y: &[f64], t: usize) {
-        let steps = y.iter().zip(&seen.last).map(|(y, last)| (y - last).abs());
-        let jumps = steps.zip(&self.jump).fold(false, |jumps, (step, jump)| jumps | (step >= *jump));
-        if jumps || !self.still.is_empty() {
-            self.look(seen, y, t);
-        }
-        seen.last.iter_mut().zip(y).for_each(|(last, &y)| *last = if y.is_nan() { *last } else { y });
-    }
-
-    /// The same where an output may have done what it never did in the recording.
-    #[cold]
-    fn look(&self, seen: &mut Seen, y: &[f64], t: usize) {
-        for (i, (&y, &last)) in y.iter().zip(&seen.last).enumerate() {
-            if seen.turned[i].is_none() && self.is_turn(i, last, y) {
-                seen.turned[i] = Some(t);
+        for (i, ((&y, last), jump)) in y.iter().zip(&mut seen.last).zip(&self.jump).enumerate() {
+            if (y - *last).abs() >= *jump && self.is_turn(i, *last, y) {
+                seen.turned[i].get_or_insert(t);
+            }
+            if !y.is_nan() {
+                *last = y;
             }
         }
+        if !self.still.is_empty() {
+            self.look(seen, y, t);
+        }
+    }
+
+    /// Takes note of outputs that never moved in the recording and do so now.
+    #[cold]
+    fn look(&self, seen: &mut Seen, y: &[f64], t: usize) {
         for (&(i, value, rounding), moved) in self.still.iter().zip(&mut seen.moved) {
-            if moved.is_none() && (y[i] - value).abs() > rounding {
-                *moved = Some(t);
+            if (y[i] - value).abs() > rounding {
+                moved.get_or_insert(t);
             }
         }
     }
 
     /// Whether an output went from one end of a range that it may be wrapped to to the other.
+    #[cold]
     fn is_turn(&self, i: usize, from: f64, to: f64) -> bool {
         let step = (to - from).abs();
         self.ranges[i].iter().any(|&(turn, lo)| {

@@ -193,7 +193,11 @@ impl Weights {
         if !self.plain_prior {
             return norm(&self.prior, moved).powi(2);
         }
-        moved.iter().enumerate().map(|(i, moved)| (self.prior[(i, i)] * moved).powi(2)).sum()
+        let mut sum = 0.0;
+        for (i, moved) in moved.iter().enumerate() {
+            sum += (self.prior[(i, i)] * moved).powi(2);
+        }
+        sum
     }
 
     /// The second term of (17) in scaled units for a certificate's R, of the fitted noise v in the user's units (m·p, time-major,

@@ -200,10 +200,12 @@ impl WindowProblem {
         &self.prior_map
     }
 
-    /// The states of a window in the user's units.
+    /// The states of a window, (m+1)·n, in the user's units.
     #[inline(always)]
-    pub fn in_user_units<'a>(&'a self, window: &'a [f64]) -> impl Iterator<Item = f64> + 'a {
-        window.iter().zip(&self.mean).map(|(w, mean)| w + mean)
+    fn in_user_units(&self, window: &[f64], states: &mut [f64]) {
+        for ((x, w), mean) in states.iter_mut().zip(window).zip(&self.mean) {
+            *x = w + mean;
+        }
     }
 
     /// Adds the bounds on all states to what is in lo and hi: the distance of a box from the means, or from x_c(t).
@@ -236,15 +238,15 @@ impl WindowProblem {
         self.gain.wide(&self.z_0, prior, outputs, z);
     }
 
-    /// The minimiser's window into the scratch, and its fitted noise into v (m·p, the user's units). None where too little is left
-    /// of the cost without the missing outputs: the problem must then be made anew for what was measured.
+    /// The minimiser's window into the scratch, and in the user's units its states ((m+1)·n) and its fitted noise v (m·p). None where
+    /// too little is left of the cost without the missing outputs: the problem must then be made anew for what was measured.
     pub fn solve(
         &self,
         weights: &Weights,
         limits: &Limits,
         data: &Data<'_>,
         (kept, scratch): (&mut Kept, &mut Scratch<'_>),
-        v: &mut [f64],
+        (states, v): (&mut [f64], &mut [f64]),
     ) -> Option<Found> {
         vectorised(
             #[inline(always)]
@@ -252,6 +254,7 @@ impl WindowProblem {
                 kept.foretell(|row| self.older(row));
                 let found = self.minimise(weights, limits, data, (kept, scratch), v)?;
                 kept.learn(|row| self.older(row));
+                self.in_user_units(scratch.window, states);
                 let cost = self.cost(weights, data, scratch, v);
                 let sound = cost.is_finite() && self.within_reach(scratch.window);
                 let status = if sound { found.status } else { Status::Failed };
@@ -270,8 +273,15 @@ impl WindowProblem {
 
     /// The mean window in the place of one that cannot be computed.
     #[cold]
-    pub fn rest(&self, weights: &Weights, data: &Data<'_>, s: &mut Scratch<'_>, v: &mut [f64]) -> Found {
+    pub fn rest(
+        &self,
+        weights: &Weights,
+        data: &Data<'_>,
+        s: &mut Scratch<'_>,
+        (states, v): (&mut [f64], &mut [f64]),
+    ) -> Found {
         s.window[..self.rows.len()].copy_from_slice(self.rows.offset());
+        self.in_user_units(s.window, states);
         self.residual(data.outputs, s.window, v);
         Found { sound: true, cost: self.cost(weights, data, s, v), ..Found::default() }
     }
@@ -365,11 +375,11 @@ impl WindowProblem {
     /// The cost (17) in the user's units.
     #[inline(always)]
     fn cost(&self, weights: &Weights, data: &Data<'_>, s: &mut Scratch<'_>, v: &[f64]) -> f64 {
-        let n = data.prior.len();
-        for i in 0..n {
-            s.moved[i] = s.window[i] * self.per_s_x[i] - data.prior[i];
+        let moved = &mut s.moved[..data.prior.len()];
+        for (((moved, x), per_s), prior) in moved.iter_mut().zip(&*s.window).zip(&self.per_s_x).zip(data.prior) {
+            *moved = x * per_s - prior;
         }
-        let prior = self.prior_weight * weights.prior_size(&s.moved[..n]);
+        let prior = self.prior_weight * weights.prior_size(moved);
         prior
             + match &self.noise {
                 Some(scalar) if data.missing => {
@@ -587,10 +597,10 @@ mod tests {
                 let solve = |problem: &WindowProblem| {
                     let mut memory = Memory::new(4, 2, 12, design.rank);
                     let (_, _, mut scratch) = memory.parts();
-                    let (mut kept, mut v) = (Kept::default(), vec![0.0; 24]);
-                    let found =
-                        problem.solve(&design.weights, &design.limits, &data, (&mut kept, &mut scratch), &mut v)?;
-                    Some((found, scratch.window[..52].to_vec(), v))
+                    let (mut kept, mut states, mut v) = (Kept::default(), vec![0.0; 52], vec![0.0; 24]);
+                    let (room, out) = ((&mut kept, &mut scratch), (&mut states[..], &mut v[..]));
+                    let found = problem.solve(&design.weights, &design.limits, &data, room, out)?;
+                    Some((found, states, v))
                 };
                 let anew = solve(&design.without_missing(full, &design.weights, &y).unwrap()).unwrap();
                 let Some(quick) = solve(full) else { continue };
