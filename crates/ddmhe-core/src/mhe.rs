@@ -415,14 +415,9 @@ impl DdMhe {
         let (problem, data, mut scratch) = window(design, problems, &mut self.memory, x_bounds);
         states.resize((problem.shape.depth + 1) * problem.shape.n, 0.0);
         v.resize(data.outputs.len(), 0.0);
-        let limits = &design.limits;
-        match problem.solve(weights, limits, &data, (&mut self.kept, &mut scratch), (states, v)) {
+        match problem.solve(weights, &design.limits, &data, (&mut self.kept, &mut scratch), (states, v)) {
             Some(found) => found,
-            None => design
-                .without_missing(problem, weights, data.outputs)
-                .ok()
-                .and_then(|problem| problem.solve(weights, limits, &data, (&mut self.kept, &mut scratch), (states, v)))
-                .unwrap_or_else(|| problem.rest(weights, &data, &mut scratch, (states, v))),
+            None => anew(design, (problem, weights), &data, (&mut self.kept, &mut scratch), (states, v)),
         }
     }
 
@@ -545,6 +540,20 @@ fn problems<'a>(design: &'a Design, opening: Option<&'a Opening>, growing: bool)
         Some(opening) if growing => (&opening.problems, &opening.weights),
         _ => (&design.problems, &design.weights),
     }
+}
+
+/// What [`WindowProblem::solve`] finds of a problem made for what was measured; the mean window where there is none.
+#[cold]
+fn anew(
+    design: &Design,
+    (problem, weights): (&WindowProblem, &Weights),
+    data: &Data<'_>,
+    (kept, scratch): (&mut Kept, &mut Scratch<'_>),
+    (states, v): (&mut [f64], &mut [f64]),
+) -> Found {
+    let made = design.without_missing(problem, weights, data.outputs).ok();
+    made.and_then(|made| made.solve(weights, &design.limits, data, (kept, scratch), (states, v)))
+        .unwrap_or_else(|| problem.rest(weights, data, scratch, (states, v)))
 }
 
 /// The problem of the window in memory, its data and room to solve it.

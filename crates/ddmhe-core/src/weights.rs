@@ -187,14 +187,15 @@ impl Weights {
         self.plain.then(|| (0..depth * p).map(weight).collect())
     }
 
-    /// ‖moved‖²_P in scaled units.
+    /// ‖moved‖²_P in scaled units; `room` is for n numbers.
     #[inline(always)]
-    pub fn prior_size(&self, moved: &[f64]) -> f64 {
+    pub fn prior_size(&self, moved: impl Iterator<Item = f64>, room: &mut [f64]) -> f64 {
         if !self.plain_prior {
-            return norm(&self.prior, moved).powi(2);
+            room.iter_mut().zip(moved).for_each(|(room, moved)| *room = moved);
+            return norm(&self.prior, room).powi(2);
         }
         let mut sum = 0.0;
-        for (i, moved) in moved.iter().enumerate() {
+        for (i, moved) in moved.enumerate() {
             sum += (self.prior[(i, i)] * moved).powi(2);
         }
         sum

@@ -240,6 +240,7 @@ impl WindowProblem {
 
     /// The minimiser's window into the scratch, and in the user's units its states ((m+1)·n) and its fitted noise v (m·p). None where
     /// too little is left of the cost without the missing outputs: the problem must then be made anew for what was measured.
+    #[inline(always)]
     pub fn solve(
         &self,
         weights: &Weights,
@@ -375,11 +376,8 @@ impl WindowProblem {
     /// The cost (17) in the user's units.
     #[inline(always)]
     fn cost(&self, weights: &Weights, data: &Data<'_>, s: &mut Scratch<'_>, v: &[f64]) -> f64 {
-        let moved = &mut s.moved[..data.prior.len()];
-        for (((moved, x), per_s), prior) in moved.iter_mut().zip(&*s.window).zip(&self.per_s_x).zip(data.prior) {
-            *moved = x * per_s - prior;
-        }
-        let prior = self.prior_weight * weights.prior_size(moved);
+        let moved = s.window.iter().zip(&self.per_s_x).zip(data.prior).map(|((x, per_s), prior)| x * per_s - prior);
+        let prior = self.prior_weight * weights.prior_size(moved, &mut s.moved[..data.prior.len()]);
         prior
             + match &self.noise {
                 Some(scalar) if data.missing => {
