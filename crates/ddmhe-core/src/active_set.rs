@@ -656,7 +656,7 @@ impl<W: Windows> Problem<'_, W> {
         let signs = u.iter().all(|&u| u >= -tol::WRONG_SIGN * size);
         // t = N u only up to rounding of that sum, and by so much t may miss the minimiser
         let accurate = u.iter().map(|u| u.abs()).sum::<f64>() <= self.trust.multipliers * size;
-        let mut at_bounds = true;
+        let mut at_bounds = true; // by a loop, as in `panels`
         for &side in sides {
             at_bounds &= self.at_bound(side, w);
         }

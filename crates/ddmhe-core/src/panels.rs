@@ -86,6 +86,7 @@ fn product<const SUMS: usize>(start: [f64; WIDTH], columns: &[Column], x: &[f64]
 
 #[inline(always)]
 fn add(sum: &mut [f64; WIDTH], column: &Column, x: f64) {
+    // products first, all eight: they stay whole vectors wherever this is inlined
     *sum = each(*sum, each(column.0, [x; WIDTH], |value, x| value * x), |sum, part| sum + part);
 }
 
@@ -124,11 +125,13 @@ pub(crate) fn margin(values: &[f64], lo: &[f64], hi: &[f64]) -> f64 {
         least = each(each(*w, *l, |w, l| w - l), least, smaller);
         least = each(each(*h, *w, |h, w| h - w), least, smaller);
     }
+    // lane after lane: by halves, the loop above would be compiled for half as wide units
+    let mut all = least.into_iter().fold(f64::INFINITY, smaller);
     let done = w.0.len() * WIDTH;
     for ((w, l), h) in w.1.iter().zip(&lo[done..]).zip(&hi[done..]) {
-        least[0] = smaller(h - w, smaller(w - l, least[0]));
+        all = smaller(h - w, smaller(w - l, all));
     }
-    halve(least, smaller)
+    all
 }
 
 /// The smaller one, b if a is NaN.

@@ -26,10 +26,10 @@ const LEAST: usize = 8;
 /// What is watched online; empty for a recording whose outputs all moved and cannot be angles.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Watch {
-    jump: Vec<f64>, // by output: a step below this is none by a turn; infinite if it cannot be an angle
     still: Vec<(usize, f64, f64)>, // output, its recorded value, how far from it is rounding
-    ranges: Vec<Vec<(f64, f64)>>, // by output: what it may be wrapped to
-    usual: Vec<f64>, // by output: the largest ordinary step
+    jump: Vec<f64>,                // by output: a step below this is none by a turn; infinite if it cannot be an angle
+    ranges: Vec<Vec<(f64, f64)>>,  // by output: what it may be wrapped to
+    usual: Vec<f64>,               // by output: the largest ordinary step
 }
 
 /// What was seen online: the step at which each output first did what it never did in the recording.
