@@ -182,7 +182,7 @@ def tune(
     equilibrium: tuple[ArrayLike, ArrayLike] | None = None,
     progress: bool | Callable[[int, int], object] | None = None,
 ) -> Tuning:
-    """Choose horizon, ρ, μ, trajectory space and options from the recording alone.
+    """Settings from the recording alone: the default rule's, unless it shows others to be better beyond doubt.
 
     Parameters
     ----------
