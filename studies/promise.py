@@ -71,7 +71,7 @@ def cases():
         yield spin_down("spin-down, linear brake", ddmhe.models.spin_down(), (0, 0.05)[seed % 2], 1e-3, 20 + seed)
     for phi in (0.6, 0.9, 0.97):
         yield from (driven(phi, T, 40 + seed) for T in (150, 300) for seed in range(3))
-    yield from (oscillator(T, seed) for T in (80, 150) for seed in range(10))
+    yield from (oscillator(T, seed) for T in (80, 150) for seed in range(5))
 
 
 def judge(case):

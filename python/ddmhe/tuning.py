@@ -86,15 +86,23 @@ GUARD = 1.005
 """Largest spectral radius of the map from prior to estimate."""
 FEWEST = 10
 """Samples of a quarter below which it shows nothing beyond doubt."""
-MARGIN = 0.3
-"""What the log error has to be smaller by than the default rule's. On measured pendulums (T = 150) gains
-of up to a quarter that all four quarters shared were losses later."""
+MARGIN = {"rehearsals": 0.3, "quarters": 0.5}
+"""What the log error has to be smaller by than the default rule's, by what decides. On measured pendulums
+(T = 150) gains of a third that all four quarters shared were losses later."""
 
-RANGE = {"lo": 0.7, "lo scatter": 0.5, "horizon": 2.0, "hi": 0.6, "hi scatter": 2.0, "rehearsed": 0.8}
-"""Range of later errors in logs about the held-out one: constants, per standard deviation of
-the held-out ends about their trend, per horizon/T (long windows leave few of them when an end is left
-out: the held-out error is too large), and about the largest error of the rehearsals but one. Chosen so
-that nine in ten errors of the logs they were shaped on lie inside."""
+RANGE = {
+    "lo": 0.7,
+    "lo scatter": 0.5,
+    "lo horizon": 2.0,
+    "hi": 0.6,
+    "hi scatter": 2.0,
+    "hi horizon": 1.0,
+    "rehearsed": 0.8,
+}
+"""Range of later errors in logs about the held-out one: constants, per standard deviation of the held-out
+ends about their trend, per horizon/T (long windows leave few of them when an end is left out: the held-out
+error is too large, or too small where the long window fails later), and about the largest error of the
+rehearsals but one. Chosen so that nine in ten errors of what they were shaped on lie inside."""
 CLEAN = 0.2
 """Smallest share of the held-out error that is left when the noise of the recorded states is taken off: it is none of
 the estimates'."""
@@ -523,10 +531,10 @@ def _verdict(ranked: list[_Candidate], default: _Candidate) -> _Verdict:
     quarters, rehearsals = nested[:QUARTERS], nested[QUARTERS:]
     own_quarters, own_rehearsals = gains[best, :QUARTERS], gains[best, QUARTERS:]
     if len(rehearsals) == 0:
-        sure = _clear(quarters) and _clear(own_quarters)
+        sure = all(_clear(g, MARGIN["quarters"]) for g in (quarters, own_quarters))
     else:
         lost = any(_mean_less_error(g) > 0 for g in (quarters, own_quarters))
-        sure = _clear(rehearsals) and _clear(own_rehearsals) and not lost
+        sure = all(_clear(g, MARGIN["rehearsals"]) for g in (rehearsals, own_rehearsals)) and not lost
     return _Verdict(usable[best] if sure else default, quarters, rehearsals if len(rehearsals) else None)
 
 
@@ -535,9 +543,9 @@ def _mean_less_error(values: Array) -> float:
     return float(np.mean(values) - np.std(values, ddof=1) / math.sqrt(len(values)))
 
 
-def _clear(gains: Array) -> bool:
-    """Whether the error is smaller in every part, and by MARGIN in the mean within one standard error."""
-    return bool((gains < 0).all()) and _mean_less_error(-gains) > MARGIN
+def _clear(gains: Array, margin: float) -> bool:
+    """Whether the error is smaller in every part, and by `margin` in the mean within one standard error."""
+    return bool((gains < 0).all()) and _mean_less_error(-gains) > margin
 
 
 def _origins(history: History, longest: int, extra: Array, spread: Array) -> list[Fold]:
@@ -561,7 +569,7 @@ def _ends_agree(ends: list[Fold], given: dict[str, Any], default: dict[str, Any]
     ours, theirs = found.reshape(2, len(ends))
     if not (np.isfinite(ours).all() and np.isfinite(theirs).all()):
         return False
-    return _clear(ours - theirs) if alone else _mean_less_error(ours - theirs) <= 0
+    return _clear(ours - theirs, MARGIN["quarters"]) if alone else _mean_less_error(ours - theirs) <= 0
 
 
 def _rms(fold: Fold, given: dict[str, Any]) -> Array:
@@ -612,10 +620,11 @@ def _promise(
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
         held_out = np.sqrt(np.mean(parts**2, axis=0))
         scatter = _scatter(np.log(np.maximum(parts, ROUNDING * size + 1e-300)))
-        noise = noise_levels(history)[0]
-        clean = np.sqrt(np.maximum(held_out**2 - noise**2, (CLEAN * held_out) ** 2))
-        lo = clean * np.exp(-RANGE["lo"] - RANGE["lo scatter"] * scatter - RANGE["horizon"] * min(horizon / T, 1))
-        hi = held_out * np.exp(RANGE["hi"] + RANGE["hi scatter"] * scatter)
+        noise, typical = noise_levels(history)[0], np.exp(np.mean(np.log(parts), axis=0))
+        clean = np.sqrt(np.maximum(typical**2 - noise**2, (CLEAN * typical) ** 2))
+        share = min(horizon / T, 1.0)
+        lo = clean * np.exp(-RANGE["lo"] - RANGE["lo scatter"] * scatter - RANGE["lo horizon"] * share)
+        hi = held_out * np.exp(RANGE["hi"] + RANGE["hi scatter"] * scatter + RANGE["hi horizon"] * share)
         if rehearsals:
             worst = np.nan_to_num([_rms(fold, given).max(axis=0) for fold in rehearsals], posinf=math.inf)
             hi = np.maximum(hi, math.exp(RANGE["rehearsed"]) * np.sort(worst, axis=0)[-2:][0])
@@ -626,7 +635,9 @@ def _promise(
 def _tuning(search: _Search, ranked: list[_Candidate], default: _Candidate) -> Tuning:
     """The result for what was scored."""
     history = search.history
-    short = len(history.recordings[search.longest][1]) < QUARTERS * FEWEST
+    T = len(history.recordings[search.longest][1])
+    # without a quarter there are next to no windows longer than half: what was held out is another rule
+    short = T < QUARTERS * FEWEST or (default.rehearsals is None and 2 * default.horizon > T)
     verdict = _Verdict(default, np.full(QUARTERS, math.nan), None) if short else _verdict(ranked, default)
     alone = verdict.rehearsals is None
     if verdict.chosen is not default and not _ends_agree(search.ends, verdict.chosen.given, default.given, alone):
@@ -724,7 +735,10 @@ def _decision(verdict: _Verdict, moved: bool, others: int) -> str:
     judges = verdict.quarters if verdict.rehearsals is None else verdict.rehearsals
     name = "quarters" if verdict.rehearsals is None else "rehearsals"
     if not np.isfinite(judges).all():
-        return "The default rule is kept: the recording is too short to hold parts out, and cannot tell."
+        return (
+            "The default rule is kept, the recording cannot tell that another setting is better: it is too short, or "
+            "the default's windows are too long, for parts to be held out."
+        )
     mean, low, high = (math.exp(min(v, 40.0)) for v in (judges.mean(), judges.min(), judges.max()))
     seen = (
         f"of {others} other settings the best by all other parts has {mean:.2g} times the default rule's error in the "
@@ -735,7 +749,7 @@ def _decision(verdict: _Verdict, moved: bool, others: int) -> str:
     kept = "The default rule is kept, the recording cannot tell that another setting is better"
     if verdict.refused:
         return f"{kept}: {seen}, but the ends of the recording do not show the same."
-    asked = f"below {math.exp(-MARGIN):.2g} within a standard error, and below 1 in every part"
+    asked = f"below {math.exp(-MARGIN[name]):.2g} within a standard error, and below 1 in every part"
     if verdict.rehearsals is not None:
         asked += ", without a loss in the quarters"
     return f"{kept}: {seen}; asked is {asked}."
