@@ -11,7 +11,8 @@ import numpy as np
 from rich.progress import Progress
 
 import ddmhe
-from ddmhe import demo, report
+from ddmhe import report
+from ddmhe.cases import satellite as case
 from ddmhe.plot import heat_figure
 from ddmhe.reproduce.montecarlo import in_parallel
 
@@ -31,18 +32,18 @@ BASE = {"horizon": 10, "rho": 0.8, "mu": 1e5, "rank": 3}
 
 def errors(seed, noise, recorded, settings):
     """RMSE of |omega error|, deg/s, over SPANS, for each of `settings`."""
-    record = ddmhe.models.detumbling().simulate(demo.DURATION, demo.DT, noise=noise, seed=seed)
-    x, y = record.x[: demo.T + 1], record.y[: demo.T]
+    record = ddmhe.models.detumbling().simulate(case.DURATION, case.DT, noise=noise, seed=seed)
+    x, y = record.x[: case.T + 1], record.y[: case.T]
     x = x + recorded * np.random.default_rng(10_000 + seed).standard_normal(x.shape)
     y = y if recorded > 0 else ddmhe.models.detumbling().output(x[:-1])
-    history = ddmhe.History(x, y, dt=demo.DT, x_units=record.x_units, y_units=record.y_units)
+    history = ddmhe.History(x, y, dt=case.DT, x_units=record.x_units, y_units=record.y_units)
     found = []
     for given in settings:
         given = BASE | given
         space = ddmhe.Truncated(given.pop("rank"))
-        x_hat = ddmhe.DdMhe(history, space=space, start="state", **given).run(record.y[demo.T : -1]).x
-        norm = np.rad2deg(np.linalg.norm(x_hat - record.x[demo.T + 1 :], axis=1))
-        found.append([np.sqrt(np.mean(norm[: round(span / demo.DT)] ** 2)) for span in SPANS])
+        x_hat = ddmhe.DdMhe(history, space=space, start="state", **given).run(record.y[case.T : -1]).x
+        norm = np.rad2deg(np.linalg.norm(x_hat - record.x[case.T + 1 :], axis=1))
+        found.append([np.sqrt(np.mean(norm[: round(span / case.DT)] ** 2)) for span in SPANS])
     return np.array(found)
 
 

@@ -469,7 +469,7 @@ def reproduce(name: str, out: Path, data: Path | None) -> None:
     (Figs. 7 and 8), design (rho0 and mu0), pendulum (the interval paper), all; or real, every estimator on measured
     pendulum logs. Writes PNG, SVG, CSV, tables.md and claims.md into DIR.
     """
-    from ddmhe.reproduce import EXPERIMENTS, pendulum_logs, reproduce_real, run_experiment, write_claims
+    from ddmhe.reproduce import EXPERIMENTS, pendulum_logs, reproduce_real, run_experiment, verdicts, write_claims
 
     if name not in (*EXPERIMENTS, "all", "real"):
         raise click.BadParameter(
@@ -509,7 +509,7 @@ def reproduce(name: str, out: Path, data: Path | None) -> None:
         write_text(written[-1], report.markdown("The tables of `ddmhe reproduce`", printed))
         written.append(out / "claims.md")
         write_claims(written[-1], claims)
-        console.print(report.verdicts(claims))
+        console.print(verdicts(claims))
     _print_written(console, written)
     if stopped:
         raise click.Abort

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -14,23 +13,14 @@ from numpy.typing import NDArray
 from rich.table import Table
 
 from ddmhe import models, report
-from ddmhe._core import DdMhe, History, Truncated
+from ddmhe._core import DdMhe, History
+from ddmhe.cases.satellite import BOX, DT, DURATION, HISTORY, PAPER, T
 
 Array = NDArray[np.float64]
 
 __all__ = ["DURATION", "STEPS", "Run", "run", "runs", "summary", "write"]
 
-DT = 0.1
-"""Sampling interval, s: the paper prints none."""
-HISTORY, DURATION = 20.0, 120.0
-"""Length of the recording and of the whole experiment, s."""
-T = round(HISTORY / DT)
 STEPS = round(DURATION / DT) - T
-BOX = 10 * math.pi / 60
-"""Half width of the box on every state, rad/s, around the history's window: Section IV-A1."""
-PAPER: dict[str, Any] = {"horizon": 10, "rho": 0.8, "mu": 1e5, "space": Truncated(3)}
-"""The printed weights, with as many directions as the system has states: all directions of a noisy recording, which the
-printed equality admits, make the estimate diverge."""
 SETTINGS: dict[str, dict[str, Any]] = {
     "defaults": {},
     "paper's weights": PAPER,

@@ -22,7 +22,6 @@ if TYPE_CHECKING:
 
     from ddmhe.design import AffineModel, PolePlacement
     from ddmhe.design.regions import Region
-    from ddmhe.reproduce.montecarlo import Trial, Trials
 
 Array = NDArray[np.float64]
 
@@ -31,16 +30,14 @@ __all__ = [
     "heat_figure",
     "intervals_figure",
     "outputs_figure",
-    "parameter_figure",
     "pole_figure",
     "sweep_figure",
-    "trials_figure",
     "tuning_figure",
     "widths_figure",
 ]
 
-_TRUTH: dict[str, Any] = {"linewidth": 3.5, "alpha": 0.35}
-_ESTIMATE: dict[str, Any] = {"linewidth": 1.2}
+TRUTH: dict[str, Any] = {"linewidth": 3.5, "alpha": 0.35}
+ESTIMATE: dict[str, Any] = {"linewidth": 1.2}
 
 
 def estimate_figure(
@@ -72,11 +69,11 @@ def estimate_figure(
     if errors:
         above, below = figure.subplots(2, 1, sharex=True, height_ratios=[3, 2])
         _draw_errors(below, t, errors, quantity, colors)
-        _shade(below, history[0])
+        shade(below, history[0])
     else:
         above = figure.subplots()
     _draw_states(above, t, x_hat, x_true, history, names)
-    _shade(above, history[0])
+    shade(above, history[0])
     above.set_ylabel(quantity)
     figure.axes[-1].set_xlabel("time (s)")
     figure.axes[-1].set_xlim(history[0][0], t[-1])
@@ -164,10 +161,10 @@ def _draw_states(
     axes: Axes, t: Array, x_hat: Array, x_true: Array | None, history: tuple[Array, Array], names: Sequence[str]
 ) -> None:
     for i in range(len(names)):
-        axes.plot(history[0], history[1][:, i], color=_color(i), **_TRUTH)
+        axes.plot(history[0], history[1][:, i], color=_color(i), **TRUTH)
         if x_true is not None:
-            axes.plot(t, x_true[:, i], color=_color(i), **_TRUTH)
-        axes.plot(t, x_hat[:, i], color=_color(i), **_ESTIMATE)
+            axes.plot(t, x_true[:, i], color=_color(i), **TRUTH)
+        axes.plot(t, x_hat[:, i], color=_color(i), **ESTIMATE)
     known = [history[1]] if x_true is None else [history[1], x_true]
     _limit(axes, np.concatenate(known), x_hat)
     axes.grid(alpha=0.3)
@@ -176,7 +173,7 @@ def _draw_states(
 def _draw_errors(axes: Axes, t: Array, errors: Mapping[str, Array], quantity: str, colors: Sequence[Any]) -> None:
     for i, (label, error) in enumerate(errors.items()):
         visible = np.where(error > 0, error, np.nan)
-        axes.plot(t, visible, color=colors[i % len(colors)], label=label, **_ESTIMATE)
+        axes.plot(t, visible, color=colors[i % len(colors)], label=label, **ESTIMATE)
     axes.set_yscale("log")
     axes.set_ylabel(f"error of {quantity}")
     axes.grid(alpha=0.3)
@@ -191,7 +188,7 @@ def _limit(axes: Axes, known: Array, x_hat: Array) -> None:
     axes.set_ylim(max(bottom, lo - room) - 0.05 * room, min(top, hi + room) + 0.05 * room)
 
 
-def _shade(axes: Axes, t: Array) -> None:
+def shade(axes: Axes, t: Array) -> None:
     axes.axvspan(t[0], t[-1], color="0.9", zorder=0)
 
 
@@ -199,8 +196,8 @@ def _legend(axes: Axes, names: Sequence[str], truth: bool) -> None:
     handles: list[Line2D | Patch] = [Line2D([], [], color=_color(i), label=name) for i, name in enumerate(names)]
     thick = "true" if truth else "recorded"
     handles += [
-        Line2D([], [], color="0.2", label=thick, **_TRUTH),
-        Line2D([], [], color="0.2", label="estimated", **_ESTIMATE),
+        Line2D([], [], color="0.2", label=thick, **TRUTH),
+        Line2D([], [], color="0.2", label="estimated", **ESTIMATE),
         Patch(color="0.9", label="history"),
     ]
     axes.legend(handles=handles, loc="upper right", ncols=min(len(handles), 6), fontsize="small")
@@ -209,115 +206,6 @@ def _legend(axes: Axes, names: Sequence[str], truth: bool) -> None:
 def _color(i: int) -> tuple[float, float, float, float]:
     rgba: tuple[float, float, float, float] = colormaps["tab10"](i % 10)
     return rgba
-
-
-def trials_figure(
-    trials: Trials,
-    *,
-    names: Sequence[str],
-    quantity: str,
-    colors: Mapping[str, str],
-    scale: float = 1.0,
-    event: tuple[float, float] | None = None,
-    band: float | None = None,
-) -> Figure:
-    """History, true and estimated states of the first seed, a panel per state; below, the errors of all seeds.
-
-    Parameters
-    ----------
-    trials : Trials
-        An experiment of `ddmhe.reproduce`.
-    names : n names of the states
-    quantity : label with its unit in brackets, of states times `scale`
-    colors : which estimators to draw, and their colours
-    event : when noise or disturbance is large, s
-    band : half width of the box around the first seed's centre, in the states' unit: drawn about the centre, with a
-        mark wherever one of its bounds was active, unless none ever was
-    """
-    n = len(names)
-    figure = Figure(figsize=(9.5, 2.2 * n + 3.8), layout="constrained")
-    panels = np.atleast_1d(figure.subplots(n + 1, 1, sharex=True, height_ratios=[2] * n + [3]))
-    first = trials.all[0]
-    for i, (axes, name) in enumerate(zip(panels[:n], names, strict=True)):
-        _draw_first(axes, first, i, scale, colors, band)
-        axes.set_ylabel(f"{name}\n{quantity}" if n == 1 else f"{name} ({quantity.split('(')[-1]}")
-    below = panels[n]
-    floor, top = np.inf, 0.0
-    for name, color in colors.items():
-        lo, median, hi = scale * trials.band(name)
-        below.plot(trials.t, median, color=color, **_ESTIMATE)
-        below.fill_between(trials.t, lo, np.minimum(hi, 1e12), color=color, alpha=0.15, linewidth=0)
-        floor = min(floor, float(np.min(np.where(median > 0, median, np.inf)[5:])))
-        top = max(top, float(np.max(np.where(np.isfinite(median), median, 0.0))))
-    spread = scale * float(np.abs(first.x).max())
-    below.set_yscale("log")
-    below.set_ylim(max(floor / 2, 1e-9 * spread), min(3 * top, 100 * spread))
-    below.set_ylabel(f"|error|: median and 90 %\nof {len(trials.all)} seeds ({quantity.split('(')[-1]}")
-    below.set_xlabel("time (s)")
-    below.grid(alpha=0.3)
-    for axes in panels:
-        if event is not None:
-            axes.axvspan(*event, color="tab:red", alpha=0.08, zorder=0)
-        if first.history is not None:
-            _shade(axes, first.history[0])
-    handles, labels = panels[0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside upper center", ncols=4, fontsize="x-small")
-    return figure
-
-
-def _draw_first(
-    axes: Axes, first: Trial, i: int, scale: float, colors: Mapping[str, str], band: float | None = None
-) -> None:
-    """State i of one trial: history, truth, box and estimates."""
-    truth = scale * first.x[:, i]
-    shown = truth
-    if first.history is not None:
-        recorded = scale * first.history[1][:, i]
-        axes.plot(first.history[0], recorded, color="0.2", **_TRUTH)
-        shown = np.concatenate([recorded, truth])
-    axes.plot(first.t, truth, color="0.2", label="true; shaded: history", **_TRUTH)
-    if band is not None and first.center is not None and first.active is not None:
-        middle, half = scale * first.center[:, i], scale * band
-        acts = first.active > 0
-        label = f"box of {next(iter(colors))}: active at {acts.sum()} of {len(acts)} samples"
-        if acts.any():
-            axes.fill_between(first.t, middle - half, middle + half, color="0.7", alpha=0.35, linewidth=0, label=label)
-            for side in (middle - half, middle + half):
-                axes.plot(first.t[acts], side[acts], ".", color="0.3", markersize=3)
-        else:  # a box that never acts is mostly wider than the panel
-            axes.plot([], [], " ", label=label)
-    for name, color in colors.items():
-        axes.plot(first.t, scale * first.x_hat[name][:, i], color=color, label=name, **_ESTIMATE)
-    room = max(float(np.ptp(shown)), 1e-12)
-    axes.set_ylim(shown.min() - 0.25 * room, shown.max() + 0.25 * room)
-    axes.grid(alpha=0.3)
-
-
-def parameter_figure(sweep: Mapping[str, Trials], *, quantity: str, colors: Mapping[str, str]) -> Figure:
-    """History, true and estimated state of the first seed for several settings, a panel per estimator.
-
-    Parameters
-    ----------
-    sweep : Trials of one state by the setting's label
-    quantity : label of the state with its unit in brackets
-    colors : the estimators and their colours; a setting is a shade of it, light for the first
-    """
-    figure = Figure(figsize=(9.5, 3.2 * len(colors)), layout="constrained")
-    for axes, (name, color) in zip(
-        figure.subplots(len(colors), 1, sharex=True, squeeze=False)[:, 0], colors.items(), strict=True
-    ):
-        _draw_first(axes, next(iter(sweep.values())).all[0], 0, 1.0, {})
-        for k, (label, trials) in enumerate(sweep.items()):
-            shade = 0.3 + 0.7 * k / max(len(sweep) - 1, 1)
-            first = trials.all[0]
-            axes.plot(first.t, first.x_hat[name][:, 0], color=color, alpha=shade, label=label, **_ESTIMATE)
-        history = next(iter(sweep.values())).all[0].history
-        if history is not None:
-            _shade(axes, history[0])
-        axes.set_ylabel(f"{name}\n{quantity}")
-        axes.legend(loc="upper right", fontsize="x-small", ncols=2)
-    figure.axes[-1].set_xlabel("time (s)")
-    return figure
 
 
 def sweep_figure(
@@ -395,7 +283,7 @@ def intervals_figure(
             near = 0.5 * upper[:, i] - 0.5 * lower[:, i] < 50 * max(spread, widest)
             for side, label in ((lower, name), (upper, None)):
                 color = _color(k) if colors is None else colors[name]
-                axes.plot(t, np.where(near, side[:, i], np.nan), color=color, label=label, **_ESTIMATE)
+                axes.plot(t, np.where(near, side[:, i], np.nan), color=color, label=label, **ESTIMATE)
             if not len(known):
                 known = (0.5 * lower[:, i] + 0.5 * upper[:, i])[near]
         if np.isfinite(x[:, i]).any():

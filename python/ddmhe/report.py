@@ -20,7 +20,6 @@ if TYPE_CHECKING:
 
     from ddmhe.design import AffineModel, Certificate, PolePlacement
     from ddmhe.interval import ObserverDesign
-    from ddmhe.reproduce import Claim
     from ddmhe.tuning import Tuning
 
 Array = NDArray[np.float64]
@@ -40,7 +39,6 @@ __all__ = [
     "scores",
     "settings",
     "table",
-    "verdicts",
     "write_estimates",
 ]
 
@@ -198,16 +196,6 @@ def markdown(title: str, tables: Sequence[Table]) -> str:
         lines += ["| " + " | ".join(cell.replace("|", "\\|") for cell in row) + " |" for row in rows]
         lines.append("")
     return "\n".join(lines)
-
-
-def verdicts(claims: Sequence[Claim]) -> Table:
-    """What the papers claim and whether it holds."""
-    result = Table(
-        "source", "claim", "printed", "ours", "verdict", title="Claims", title_justify="left", show_lines=True
-    )
-    for claim in claims:
-        result.add_row(claim.source, claim.claim, claim.printed, claim.ours, claim.verdict)
-    return result
 
 
 def write_estimates(path: Path, time: str, t: Array, names: Sequence[str], x_hat: Array) -> None:

@@ -356,7 +356,7 @@ def test_the_box_is_about_the_history_window():
 
 @pytest.mark.parametrize("acts", [True, False])
 def test_the_figure_starts_with_the_history_and_shows_the_box_where_it_acts(acts):
-    from ddmhe.plot import trials_figure
+    from ddmhe.reproduce.figures import trials_figure
 
     kept = bench.trial(0, names=(bench.MHE,))
     one = dataclasses.replace(kept, active=np.full(250, int(acts)))

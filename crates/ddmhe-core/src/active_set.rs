@@ -17,7 +17,7 @@
 //! Nothing here allocates: the numbers live in the caller's memory, [`work_len`] of them.
 
 use crate::panels::{WIDTH, axpy, dot, each, padded};
-use crate::qp::Status;
+use crate::status::Status;
 use crate::tol;
 use faer::MatRef;
 use serde::{Deserialize, Serialize};
@@ -712,7 +712,7 @@ pub(crate) fn solve_transposed(L: &[f64], x: &mut [f64], stride: usize) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::qp::Status;
+    use crate::status::Status;
     use crate::way_out::way_out;
     use faer::Mat;
     use rand::{RngExt, SeedableRng};

@@ -32,7 +32,7 @@
 //! handed out when they are, or when the recording itself is a trajectory to rounding: every window is then one too, and e and
 //! r are what the recording says. It is not when the model was fitted to a noisy recording whose noise nobody stated.
 
-use crate::config::{Config, check_vector};
+use crate::check::check_vector;
 use crate::error::Error;
 use crate::history::{History, check_finite};
 use crate::tol;
@@ -232,8 +232,12 @@ pub(crate) struct ErrorBound {
 
 impl ErrorBound {
     /// None without a certificate or a disturbance, and in words why there is no bound where it could not be relied on.
-    pub fn new(config: &Config, history: &History) -> Result<Option<Self>, String> {
-        let (Some(certificate), Some(disturbance)) = (&config.certificate, &config.disturbance) else {
+    pub fn new(
+        certificate: Option<&Certificate>,
+        disturbance: Option<&Disturbance>,
+        history: &History,
+    ) -> Result<Option<Self>, String> {
+        let (Some(certificate), Some(disturbance)) = (certificate, disturbance) else {
             return Ok(None);
         };
         let (n, p, model) = (history.n(), history.p(), true_model(certificate, history)?);

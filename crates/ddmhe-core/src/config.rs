@@ -1,10 +1,10 @@
 //! Settings of the estimator, and the checks of every argument.
 
 use crate::certificate::{Certificate, Disturbance};
+use crate::check::check_vector;
 use crate::error::Error;
-use crate::history::{History, check_finite};
+use crate::history::History;
 use crate::space::Space;
-use crate::start::Start;
 use crate::tol;
 use serde::{Deserialize, Serialize};
 
@@ -38,6 +38,29 @@ pub enum Weighting {
     Paper,
     /// (17) with every channel in units of its [scale](crate::Scaling): μ has no unit, and rescaling a channel changes nothing.
     Scaled,
+}
+
+/// Where a run starts.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+pub enum Start {
+    /// From a known state, `x_prior` or the last recorded one, with the weight that (17) gives every prior; the window grows
+    /// from 1 to M (Algorithm 1).
+    #[default]
+    State,
+    /// Where the recording ends: the run goes on from there, with a window filled from its end.
+    Recording,
+    /// Anywhere: the window grows from a prior that is as wide as the recorded states.
+    Unknown,
+}
+
+impl std::fmt::Display for Start {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(match self {
+            Start::State => "\"state\"",
+            Start::Recording => "\"recording\"",
+            Start::Unknown => "\"unknown\"",
+        })
+    }
 }
 
 /// Settings of the estimator; every `None` is set by the documented rule of [`defaults`](crate::defaults).
@@ -187,13 +210,6 @@ pub(crate) fn check_beside(config: &Config, start: Start) -> Result<(), Error> {
         }
         _ => Ok(()),
     }
-}
-
-pub(crate) fn check_vector(argument: &'static str, x: &[f64], len: usize) -> Result<(), Error> {
-    if x.len() != len {
-        return Err(Error::shape(argument, format!("{len} numbers"), x.len()));
-    }
-    check_finite(argument, x, len)
 }
 
 /// Sizes, no NaN, lo ≤ hi, and neither side beyond reach.

@@ -2,14 +2,13 @@
 
 use crate::certificate::{ErrorBound, smallest_contracting};
 use crate::challenge::challenge;
-use crate::config::{Bounds, Center, Config, Settings, Weighting, validate};
+use crate::config::{Bounds, Center, Config, Settings, Start, Weighting, validate};
 use crate::defaults::Defaults;
 use crate::error::Error;
-use crate::hankel::check_excitation;
+use crate::excitation::check_excitation;
 use crate::history::History;
 use crate::reduction::Shape;
 use crate::space::{Penalty, Scaling, Selection, Space, WindowStack};
-use crate::start::Start;
 use crate::tol;
 use crate::watch::Watch;
 use crate::weights::Weights;
@@ -100,10 +99,11 @@ impl Design {
         let (watch, mut words) = Watch::new(history);
         words.extend(too_little(history, config, &rule, horizon));
         words.extend(warnings(config, &settings, radius));
-        let bound = ErrorBound::new(config, history).unwrap_or_else(|why| {
-            words.push(why);
-            None
-        });
+        let bound =
+            ErrorBound::new(config.certificate.as_ref(), config.disturbance.as_ref(), history).unwrap_or_else(|why| {
+                words.push(why);
+                None
+            });
         Ok(Design {
             history: history.clone(),
             warnings: words,

@@ -1,6 +1,6 @@
 //! What a step returns, with its evidence.
 
-use crate::qp::Status;
+use crate::status::Status;
 use serde::{Deserialize, Serialize};
 
 /// The estimate of one step and the evidence behind it. All arrays are time-major, in the user's units.

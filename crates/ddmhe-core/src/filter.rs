@@ -4,15 +4,14 @@
 //! to nothing, and settings that differ in weights and trajectory space only share the decomposition of the windows. Numbers
 //! agree with [`DdMhe`](crate::DdMhe) to rounding; what goes beyond numbers that can be computed with is left to it.
 
-use crate::config::{Config, validate};
+use crate::config::{Config, Start, validate};
 use crate::defaults::Defaults;
 use crate::design::{Design, check_ridge, check_weights, filled, prepared, select, stable};
 use crate::error::Error;
-use crate::hankel::check_excitation;
+use crate::excitation::check_excitation;
 use crate::history::History;
 use crate::reduction::{Shape, gain};
 use crate::space::{Scaling, Selection, Space, TrajectorySpace, WindowStack};
-use crate::start::Start;
 use crate::tol;
 use crate::weights::Weights;
 use faer::Mat;

@@ -1,7 +1,7 @@
 //! Recordings: validated stretches of (state, output) data of one system.
 
 use crate::error::Error;
-use crate::hankel::{BlockHankel, RankReport};
+use crate::hankel::BlockHankel;
 use serde::{Deserialize, Serialize};
 
 /// One uninterrupted recording x[0..=T], y[0..T), both time-major.
@@ -204,19 +204,6 @@ impl History {
         self.recordings.iter().filter(move |r| r.y.len() / self.p >= depth).filter_map(move |r| {
             Some((BlockHankel::new(&r.x, self.n, depth + 1).ok()?, BlockHankel::new(&r.y, self.p, depth).ok()?))
         })
-    }
-
-    /// The rank condition (7) for windows of `depth` outputs:
-    /// rank [H_1(x[0..T-depth]); 1ᵀ] = n + 1.
-    ///
-    /// # Errors
-    /// [`Error::Value`] when `depth` is 0 or no recording is that long.
-    pub fn rank(&self, depth: usize) -> Result<RankReport, Error> {
-        if depth == 0 || self.windows(depth) == 0 {
-            let longest = self.recordings.iter().map(|r| r.y.len() / self.p).max().unwrap_or(0);
-            return Err(Error::value("depth", format!("1 to {longest}, the longest recording's T"), depth));
-        }
-        Ok(RankReport::new(self, depth))
     }
 }
 

@@ -18,7 +18,7 @@
 //!
 //! # A tour
 //! Data flow from the recording to the estimate, one noun a module:
-//! `history` ([`History`]) → `hankel` ([`BlockHankel`], rank condition (7)) → [`space`] ([`TrajectorySpace`]: (16b) as mean + basis)
+//! `history` ([`History`]) → `hankel` ([`BlockHankel`]), `excitation` (rank condition (7)) → [`space`] ([`TrajectorySpace`]: (16b) as mean + basis)
 //! → `reduction` (one QR: a least-distance problem) → `window` (the problem of one depth, laid out for speed on `panels`)
 //! → `mhe` ([`DdMhe`]: Algorithm 1, over a `memory` that is allocated once) → `estimate` ([`Estimate`]). What is computed at construction is a
 //! `design`, which copies of an estimator share; `many` runs them on all cores.
@@ -56,11 +56,13 @@
 mod active_set;
 mod certificate;
 mod challenge;
+mod check;
 mod config;
 pub mod defaults;
 mod design;
 mod error;
 mod estimate;
+mod excitation;
 mod filter;
 mod hankel;
 mod history;
@@ -77,6 +79,7 @@ mod rounding;
 pub mod snapshot;
 pub mod space;
 mod start;
+mod status;
 mod surplus;
 pub mod tol;
 pub mod validation;
@@ -88,18 +91,18 @@ mod window;
 mod zonotope;
 
 pub use certificate::{Certificate, Disturbance, Model, Uncertainty, minimum_horizon};
-pub use config::{Bounds, Center, Config, Settings, Weighting};
+pub use config::{Bounds, Center, Config, Settings, Start, Weighting};
 pub use error::Error;
 pub use estimate::{Estimate, Log};
-pub use hankel::{BlockHankel, RankReport};
+pub use excitation::RankReport;
+pub use hankel::BlockHankel;
 pub use history::History;
 pub use interrupt::Interrupt;
 pub use interval::Interval;
 pub use many::{run_copies, run_many, run_recordings};
 pub use mhe::DdMhe;
 pub use observer::{IntervalEstimate, IntervalObserver};
-pub use qp::Status;
 pub use space::{Scaling, Space, TrajectorySpace};
-pub use start::Start;
+pub use status::Status;
 pub use watch::wrapped_angle;
 pub use zonotope::{Reduction, Zonotope};

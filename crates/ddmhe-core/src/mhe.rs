@@ -16,8 +16,9 @@
 
 use crate::active_set::{Kept, Side};
 use crate::certificate::ErrorBound;
+use crate::check::check_vector;
 use crate::config::{
-    Bounds, Config, Settings, check_beside, check_box, check_measured, check_output, check_start, check_vector,
+    Bounds, Config, Settings, Start, check_beside, check_box, check_measured, check_output, check_start,
 };
 use crate::design::{Design, check_reach, filled};
 use crate::error::Error;
@@ -25,8 +26,8 @@ use crate::estimate::{Estimate, Log};
 use crate::history::{History, check_finite};
 use crate::interrupt::Interrupt;
 use crate::memory::Memory;
-use crate::qp::Status;
-use crate::start::{Opening, Start};
+use crate::start::Opening;
+use crate::status::Status;
 use crate::tol;
 use crate::watch::Seen;
 use crate::weights::Weights;

@@ -28,10 +28,11 @@ mod system;
 pub use dynamics::{Dynamics, Euler, Linear, Pendulum, Uncertain};
 pub use system::{Gain, System};
 
-use crate::config::check_vector;
+use crate::check::check_vector;
 use crate::error::Error;
 use crate::interval::{Interval, points, weighted};
-use crate::zonotope::{Reduction, Zonotope, diagonal, inflation, reduce, row_sums};
+use crate::rounding::{diagonal, inflation, row_sums};
+use crate::zonotope::{Reduction, Zonotope, reduce};
 use contractor::{BACK, Past};
 use level::{Peak, inverse_diagonal};
 use serde::{Deserialize, Serialize};

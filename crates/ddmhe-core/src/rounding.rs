@@ -3,7 +3,6 @@
 //! An addition's error is itself a float, and so is a product's unless it falls below the smallest one (Knuth; Dekker):
 //! what was exact is told from what was rounded, and only the latter is paid for.
 
-use crate::zonotope::{diagonal, row_sums};
 use faer::linalg::solvers::DenseSolveCore;
 use faer::{Mat, Side};
 
@@ -52,6 +51,30 @@ pub(crate) fn dot(a: &[f64], b: &[f64]) -> (f64, f64) {
         total = next;
     }
     (total, lost)
+}
+
+/// Σ|v| of k numbers is at most this times its floating-point value.
+pub(crate) fn inflation(k: usize) -> f64 {
+    1.0 + (k as f64 + 4.0) * f64::EPSILON
+}
+
+/// Row sums of |M|, rounded upward: M (n × m) by columns.
+pub(crate) fn row_sums(n: usize, columns: &[f64]) -> Vec<f64> {
+    let mut sums = vec![0.0; n];
+    for g in columns.chunks_exact(n) {
+        sums.iter_mut().zip(g).for_each(|(s, v)| *s += v.abs());
+    }
+    let factor = inflation(columns.len() / n);
+    sums.iter_mut().for_each(|s| *s *= factor);
+    sums
+}
+
+/// Generators of the box with half widths r.
+pub(crate) fn diagonal(r: &[f64]) -> Vec<f64> {
+    let n = r.len();
+    let mut columns = vec![0.0; n * n];
+    (0..n).for_each(|i| columns[i * n + i] = r[i]);
+    columns
 }
 
 /// Makes the zonotope ⟨p, M⟩ in n dimensions larger by the box |e_i| ≤ lost_i.

@@ -19,12 +19,11 @@
 //! computed again on [`DdMhe::restore`], so that a restored estimator continues with the same numbers.
 
 use crate::active_set::Side;
-use crate::config::Config;
+use crate::config::{Config, Start};
 use crate::error::Error;
 use crate::estimate::Estimate;
 use crate::history::History;
 use crate::mhe::DdMhe;
-use crate::start::Start;
 use crate::watch::Seen;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};

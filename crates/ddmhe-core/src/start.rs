@@ -25,33 +25,9 @@ use crate::weights::Weights;
 use crate::window::WindowProblem;
 use faer::linalg::solvers::SolveLstsq;
 use faer::{Mat, Side};
-use serde::{Deserialize, Serialize};
 
 /// P₀ in units of the covariance of the recorded states.
 const SPREAD: f64 = 10.0;
-
-/// Where a run starts.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
-pub enum Start {
-    /// From a known state, `x_prior` or the last recorded one, with the weight that (17) gives every prior; the window grows
-    /// from 1 to M (Algorithm 1).
-    #[default]
-    State,
-    /// Where the recording ends: the run goes on from there, with a window filled from its end.
-    Recording,
-    /// Anywhere: the window grows from a prior that is as wide as the recorded states.
-    Unknown,
-}
-
-impl std::fmt::Display for Start {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.write_str(match self {
-            Start::State => "\"state\"",
-            Start::Recording => "\"recording\"",
-            Start::Unknown => "\"unknown\"",
-        })
-    }
-}
 
 /// The problems of the growing windows of a run from an unknown state.
 pub(crate) struct Opening {

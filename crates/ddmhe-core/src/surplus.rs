@@ -18,7 +18,7 @@
 
 use crate::active_set::{Kept, Problem, Rows, Trust, Windows, work_len};
 use crate::panels::padded;
-use crate::qp::Status;
+use crate::status::Status;
 use crate::tol;
 use crate::way_out::decide;
 use faer::Mat;

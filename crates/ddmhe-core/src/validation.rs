@@ -1,12 +1,12 @@
 //! Many settings tried on held-out parts of a recording, in parallel: the work behind tuning.
 
-use crate::config::{Config, check_vector};
+use crate::check::check_vector;
+use crate::config::{Config, Start};
 use crate::error::Error;
 use crate::filter::{Filters, is_linear};
 use crate::history::{History, check_finite};
 use crate::interrupt::on_all_cores;
 use crate::mhe::DdMhe;
-use crate::start::Start;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
 /// A part of a recording to learn from, and another to estimate.

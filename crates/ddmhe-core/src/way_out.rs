@@ -14,7 +14,8 @@
 //! smallest up to so much.
 
 use crate::active_set::{Combination, Kept, Outcome, Problem, Side, Trust, Windows, solve_lower, solve_transposed};
-use crate::qp::{self, Status};
+use crate::qp;
+use crate::status::Status;
 use crate::tol;
 use faer::Mat;
 

@@ -20,9 +20,9 @@
 use crate::active_set::{Kept, Problem, Rows, Side, Trust, Windows, solve_transposed};
 use crate::config::Bounds;
 use crate::panels::{Panels, WIDTH, dot, each, halve, margin, padded, smaller, vectorised, weighted_square};
-use crate::qp::Status;
 use crate::reduction::{Reduced, Shape, reduce};
 use crate::space::{Scaling, TrajectorySpace};
+use crate::status::Status;
 use crate::surplus::Surplus;
 use crate::tol;
 use crate::way_out::decide;

@@ -5,10 +5,11 @@
 //! no operation rounds they are exact, otherwise larger by what was rounded away. Membership is to 1e-9 of the set's
 //! size and never refuses a point of the set; the volume is rounded like any other number.
 
+use crate::check::check_vector;
 use crate::error::Error;
 use crate::history::check_finite;
 use crate::interval::Interval;
-use crate::rounding::{add_up, dot, sum, widen};
+use crate::rounding::{add_up, diagonal, dot, inflation, row_sums, sum, widen};
 use crate::{qp, tol};
 use faer::Mat;
 
@@ -22,22 +23,6 @@ pub(crate) use reduce::reduce;
 pub struct Zonotope {
     center: Vec<f64>,
     generators: Vec<f64>,
-}
-
-/// Σ|v| of k numbers is at most this times its floating-point value.
-pub(crate) fn inflation(k: usize) -> f64 {
-    1.0 + (k as f64 + 4.0) * f64::EPSILON
-}
-
-/// Row sums of |M|, rounded upward: M (n × m) by columns.
-pub(crate) fn row_sums(n: usize, columns: &[f64]) -> Vec<f64> {
-    let mut sums = vec![0.0; n];
-    for g in columns.chunks_exact(n) {
-        sums.iter_mut().zip(g).for_each(|(s, v)| *s += v.abs());
-    }
-    let factor = inflation(columns.len() / n);
-    sums.iter_mut().for_each(|s| *s *= factor);
-    sums
 }
 
 impl Zonotope {
@@ -141,7 +126,7 @@ impl Zonotope {
     /// # Errors
     /// Shape or value of v; a sum beyond the range of floats.
     pub fn translate(&self, v: &[f64]) -> Result<Self, Error> {
-        crate::config::check_vector("v", v, self.n())?;
+        check_vector("v", v, self.n())?;
         self.plus("v", v, &[])
     }
 
@@ -200,7 +185,7 @@ impl Zonotope {
     /// # Errors
     /// Shape or value of d.
     pub fn support(&self, d: &[f64]) -> Result<f64, Error> {
-        crate::config::check_vector("d", d, self.n())?;
+        check_vector("d", d, self.n())?;
         let (center, lost) = dot(d, &self.center);
         let reach = self.generators.chunks_exact(self.n()).fold(lost, |reach, g| {
             let (value, lost) = dot(d, g);
@@ -217,7 +202,7 @@ impl Zonotope {
     /// Shape or value of x.
     pub fn contains(&self, x: &[f64]) -> Result<bool, Error> {
         let n = self.n();
-        crate::config::check_vector("x", x, n)?;
+        check_vector("x", x, n)?;
         // every row in a unit, a power of two, in which its numbers are below one: sums cannot leave the floats
         let units = self.units(x);
         let scaled =
@@ -384,14 +369,6 @@ pub(crate) fn strip_range(columns: &[f64], sums: &[f64], d: &[f64], a: &[f64], s
     let (lo, hi) = (-upper(-1.0), upper(1.0));
     // generators that have left all floats say nothing
     if lo.is_finite() && hi.is_finite() { Interval::new(lo, hi) } else { Some(Interval::ENTIRE) }
-}
-
-/// Generators of the box with half widths r.
-pub(crate) fn diagonal(r: &[f64]) -> Vec<f64> {
-    let n = r.len();
-    let mut columns = vec![0.0; n * n];
-    (0..n).for_each(|i| columns[i * n + i] = r[i]);
-    columns
 }
 
 /// A x, A row-major with x.len() columns.

@@ -5,7 +5,7 @@
 - `montecarlo`: many noise seeds, in parallel. `claims`: what a paper says, what came out, and whether it holds.
 """
 
-from ddmhe.reproduce.claims import Claim, Verdict, write_claims
+from ddmhe.reproduce.claims import Claim, Verdict, verdicts, write_claims
 from ddmhe.reproduce.experiments import EXPERIMENTS, Result, pendulum_logs, reproduce_real, run_experiment
 from ddmhe.reproduce.real import PendulumTask, pendulum_task
 
@@ -19,5 +19,6 @@ __all__ = [
     "pendulum_task",
     "reproduce_real",
     "run_experiment",
+    "verdicts",
     "write_claims",
 ]

@@ -7,9 +7,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
+from rich.table import Table
+
 from ddmhe.files import write_text
 
-__all__ = ["MISPRINTS", "Claim", "Verdict", "cases", "holds_for", "holds_if", "verdict", "write_claims"]
+__all__ = ["MISPRINTS", "Claim", "Verdict", "cases", "holds_for", "holds_if", "verdict", "verdicts", "write_claims"]
 
 Verdict = Literal["holds", "holds with …", "holds for …", "plausible", "does not hold", "cannot be checked"]
 """INTRODUCTION says what each means."""
@@ -121,3 +123,13 @@ def write_claims(path: Path, claims: Sequence[Claim]) -> None:
 
 def _row(cells: Sequence[str]) -> list[str]:
     return ["| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |"]
+
+
+def verdicts(claims: Sequence[Claim]) -> Table:
+    """What the papers claim and whether it holds."""
+    result = Table(
+        "source", "claim", "printed", "ours", "verdict", title="Claims", title_justify="left", show_lines=True
+    )
+    for claim in claims:
+        result.add_row(claim.source, claim.claim, claim.printed, claim.ours, claim.verdict)
+    return result

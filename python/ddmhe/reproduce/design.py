@@ -13,8 +13,9 @@ import numpy as np
 import pandas as pd
 import scipy.optimize
 
-from ddmhe import demo, models
+from ddmhe import models
 from ddmhe._core import DdmheError, History
+from ddmhe.cases import satellite as case
 from ddmhe.design import PolePlacement, pole_placement
 from ddmhe.reproduce import bench, theory
 from ddmhe.reproduce.claims import Claim, holds_if
@@ -34,20 +35,20 @@ def recordings(seed: int = 0) -> dict[str, History]:
     brake = bench.NOMINAL.model.simulate(bench.HISTORY, bench.DT, noise=bench.NOMINAL.deviation, seed=seed)
     pure = models.spin_down().simulate(bench.HISTORY, bench.DT)
     target = models.detumbling()
-    noisy = target.simulate(demo.HISTORY, demo.DT, noise=0.01, seed=seed)
+    noisy = target.simulate(case.HISTORY, case.DT, noise=0.01, seed=seed)
     rate = noisy.x + 1e-4 * np.random.default_rng(seed).standard_normal(noisy.x.shape)
     return {
         "bench": History(brake.x_recorded, brake.y[:T], dt=bench.DT),
         "bench, no noise": History(pure.x, pure.y[:T], dt=bench.DT),
-        "3-DOF": History(rate, noisy.y[: demo.T], dt=demo.DT),
-        CLEAN: _clean(demo.DT),
-        DEGREES: _clean(demo.DT, 180 / np.pi),
+        "3-DOF": History(rate, noisy.y[: case.T], dt=case.DT),
+        CLEAN: _clean(case.DT),
+        DEGREES: _clean(case.DT, 180 / np.pi),
     }
 
 
 def _clean(dt: float, unit: float = 1.0) -> History:
     """The 3-DOF recording without noise, its rates times `unit`."""
-    record = models.detumbling().simulate(demo.HISTORY, dt)
+    record = models.detumbling().simulate(case.HISTORY, dt)
     return History(unit * record.x, record.y[:-1], dt=dt)
 
 

@@ -14,8 +14,9 @@ import pandas as pd
 from numpy.typing import NDArray
 from rich.table import Table
 
-from ddmhe import demo, report
+from ddmhe import report
 from ddmhe._core import DdmheError
+from ddmhe.cases import satellite as case
 from ddmhe.files import write, write_text
 from ddmhe.reproduce import bench, satellite
 from ddmhe.reproduce.claims import Claim
@@ -79,7 +80,7 @@ def _bench(name: str, **given: Any) -> Experiment:
     others = [each for each in bench.family("disturbed" in given) if each != bench.NOMINAL]
 
     def run(advance: Callable[[], None]) -> Result:
-        from ddmhe.plot import trials_figure
+        from ddmhe.reproduce.figures import trials_figure
 
         trials = run_trials(bench.trial, range(SEEDS), advance, **scenario)
         settings = [{"bench": each, "names": bench.JUDGED, **scenario} for each in others]
@@ -117,7 +118,8 @@ def _family(found: Mapping[bench.Bench, Trials]) -> pd.DataFrame:
 
 
 def _mu(advance: Callable[[], None]) -> Result:
-    from ddmhe.plot import parameter_figure, sweep_figure
+    from ddmhe.plot import sweep_figure
+    from ddmhe.reproduce.figures import parameter_figure
 
     names = (bench.MHE, bench.KMHE)
     settings = [{"mu": mu, "names": names} for mu in bench.MUS]
@@ -159,7 +161,8 @@ def _mu(advance: Callable[[], None]) -> Result:
 
 
 def _detumbling(advance: Callable[[], None]) -> Result:
-    from ddmhe.plot import outputs_figure, trials_figure
+    from ddmhe.plot import outputs_figure
+    from ddmhe.reproduce.figures import trials_figure
 
     settings = satellite.settings()
     runs = run_grid(satellite.trial, range(SEEDS), advance, settings)
@@ -199,7 +202,7 @@ def _detumbling(advance: Callable[[], None]) -> Result:
             quantity="angular velocity (deg/s)",
             scale=180 / np.pi,
             colors=_colors(*shown),
-            band=demo.BOX,
+            band=case.BOX,
         )
     series = {
         "detumbling": pd.DataFrame(rows),

@@ -7,9 +7,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ddmhe import demo, models
+from ddmhe import models
 from ddmhe._core import DdMhe, History
 from ddmhe.baselines import ArxKalman, ErrorStateKalman, KoopmanMhe, Oracle, RidgeFir
+from ddmhe.cases import satellite as case
 from ddmhe.reproduce import bench
 from ddmhe.reproduce.claims import Claim, cases, holds_if, verdict
 from ddmhe.reproduce.montecarlo import Estimators, Trial, Trials, estimates
@@ -42,18 +43,18 @@ def settings() -> list[dict[str, float]]:
 
 def spans(trials: Trials) -> tuple[float, ...]:
     """The SPANS that the runs cover."""
-    length = float(trials.t[-1]) - demo.HISTORY
+    length = float(trials.t[-1]) - case.HISTORY
     return tuple(span for span in SPANS if span <= length + 1e-9)
 
 
 def estimators(history: History, model: models.Detumbling, recorded: float, noise: float, seed: int) -> Estimators:
     """What takes part, by name; `seed` draws the centres of Dd-KMHE."""
-    box: dict[str, Any] = {"x_bounds": (-demo.BOX, demo.BOX), "x_center": "history"}
+    box: dict[str, Any] = {"x_bounds": (-case.BOX, case.BOX), "x_center": "history"}
     (x, _) = history.recordings[0]
     prior = max(recorded, 1e-6)
-    printed = demo.PAPER["horizon"], demo.PAPER["rho"], demo.PAPER["mu"]
+    printed = case.PAPER["horizon"], case.PAPER["rho"], case.PAPER["mu"]
     return {
-        MHE: lambda: DdMhe(history, start="state", **box, **demo.PAPER),
+        MHE: lambda: DdMhe(history, start="state", **box, **case.PAPER),
         DEFAULTS: lambda: DdMhe(history, start="state", **box),
         KMHE: lambda: KoopmanMhe(history, *printed, seed=seed),
         TUNED_KMHE: lambda: KoopmanMhe(history, 30, 0.95, 1e-2, seed=seed),
@@ -62,32 +63,32 @@ def estimators(history: History, model: models.Detumbling, recorded: float, nois
         bench.TUNED: lambda: ErrorStateKalman(history),
         "ARX Kalman filter": lambda: ArxKalman(history),
         "ridge FIR": lambda: RidgeFir(history),
-        EKF: lambda: Oracle(model, demo.DT, x[-1], noise, prior=prior),
-        "UKF with the true model": lambda: Oracle(model, demo.DT, x[-1], noise, prior=prior, kind="ukf"),
+        EKF: lambda: Oracle(model, case.DT, x[-1], noise, prior=prior),
+        "UKF with the true model": lambda: Oracle(model, case.DT, x[-1], noise, prior=prior, kind="ukf"),
     }
 
 
 def trial(seed: int, noise: float, recorded: float, span: float = SPANS[-2]) -> Trial:
     """One run: 20 s of history, `span` s of estimates; seed 0 also has the box of its figure."""
     model = models.detumbling()
-    record = model.simulate(demo.HISTORY + span, demo.DT, noise=noise, seed=seed)
-    x, y = record.x[: demo.T + 1], record.y[: demo.T]
+    record = model.simulate(case.HISTORY + span, case.DT, noise=noise, seed=seed)
+    x, y = record.x[: case.T + 1], record.y[: case.T]
     if recorded > 0:
         x = x + recorded * np.random.default_rng(10_000 + seed).standard_normal(x.shape)
     else:
         y = np.asarray(model.output(x[:-1]))
-    history = History(x, y, dt=demo.DT, x_units=record.x_units, y_units=record.y_units)
-    Y = record.y[demo.T : -1]
+    history = History(x, y, dt=case.DT, x_units=record.x_units, y_units=record.y_units)
+    Y = record.y[case.T : -1]
     found = estimates(estimators(history, model, recorded, noise, seed), Y, 3)
-    printed = demo.PAPER["horizon"], demo.PAPER["rho"], demo.PAPER["mu"]
-    center, active = bench.box(history, Y, *printed, demo.PAPER["space"].rank) if seed == 0 else (None, None)
-    known = record.t[: demo.T + 1], x
-    return Trial(record.t[demo.T + 1 :], record.x[demo.T + 1 :], Y, found, known, center, active)
+    printed = case.PAPER["horizon"], case.PAPER["rho"], case.PAPER["mu"]
+    center, active = bench.box(history, Y, *printed, case.PAPER["space"].rank) if seed == 0 else (None, None)
+    known = record.t[: case.T + 1], x
+    return Trial(record.t[case.T + 1 :], record.x[case.T + 1 :], Y, found, known, center, active)
 
 
 def diverged(trials: Trials, name: str) -> float:
     """Share of the seeds whose estimate is off by more than half of the initial rate over the last LAST seconds."""
-    end = float(trials.t[-1]) - demo.HISTORY
+    end = float(trials.t[-1]) - case.HISTORY
     limit = 0.5 * float(np.linalg.norm(models.detumbling().omega_0))
     return float(np.mean(trials.rms(name, end - LAST, end) > limit))
 

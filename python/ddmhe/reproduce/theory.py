@@ -14,8 +14,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ddmhe import demo, models
+from ddmhe import models
 from ddmhe._core import DdMhe, Exact, History
+from ddmhe.cases import satellite as case
 from ddmhe.design import ioss, pole_placement, scalar_certificate
 from ddmhe.reproduce.claims import Claim, cases, holds_if, verdict
 
@@ -161,22 +162,22 @@ def linearisation(ends: tuple[float, ...] = (20.0, 40.0, 100.0, 180.0)) -> list[
     with the printed ρ, μ and M, and an exact prior.
     """
     model = models.detumbling()
-    x = model.simulate(demo.HISTORY + ends[-1], demo.DT).x[demo.T :]
+    x = model.simulate(case.HISTORY + ends[-1], case.DT).x[case.T :]
 
     def ahead(x: Array) -> Array:
-        return np.asarray(x + demo.DT * model.derivative(x))
+        return np.asarray(x + case.DT * model.derivative(x))
 
     A, C = slope(ahead, x[0]), slope(model.output, x[0])
     off = x - x[0]
     w = np.linalg.norm(ahead(x) - ahead(x[0]) - off @ A.T, axis=1)
     v = np.linalg.norm(model.output(x) - model.output(x[0]) - off @ C.T, axis=1)
-    root = np.sqrt((4 * demo.PAPER["rho"] ** demo.PAPER["horizon"]) ** (1 / demo.PAPER["horizon"]))
+    root = np.sqrt((4 * case.PAPER["rho"] ** case.PAPER["horizon"]) ** (1 / case.PAPER["horizon"]))
     rows, allowed = [], 0.0
     for k in range(len(x) - 1):
-        allowed = root * allowed + np.sqrt(demo.PAPER["mu"]) * (w[k] + np.sqrt(2) * v[k])
-        t = (k + 1) * demo.DT
+        allowed = root * allowed + np.sqrt(case.PAPER["mu"]) * (w[k] + np.sqrt(2) * v[k])
+        t = (k + 1) * case.DT
         for end in ends:
-            if abs(t - end) < 0.5 * demo.DT:
+            if abs(t - end) < 0.5 * case.DT:
                 rows.append(
                     (end, float(np.rad2deg(w[: k + 1].max())), float(v[: k + 1].max()), float(np.rad2deg(allowed)))
                 )

@@ -3,7 +3,8 @@
 use super::{Dynamics, IntervalObserver, Method};
 use crate::error::Error;
 use crate::interval::{Interval, dot, points, weighted};
-use crate::zonotope::{diagonal, row_sums, strip_range};
+use crate::rounding::{diagonal, row_sums};
+use crate::zonotope::strip_range;
 use serde::{Deserialize, Serialize};
 
 /// Past transitions that a measurement is carried back through.

@@ -2,7 +2,7 @@
 
 use crate::error::Error;
 use crate::interval::{Interval, dot, points, weighted};
-use crate::zonotope::inflation;
+use crate::rounding::inflation;
 
 /// The nonlinear part f of the system and its Jacobian. Implementations must enclose: the guarantee rests on them.
 pub trait Dynamics {

@@ -6,7 +6,7 @@ use super::{Dynamics, IntervalObserver, Method};
 use crate::error::Error;
 use crate::interval::Interval;
 use crate::rounding::TINY;
-use crate::zonotope::{inflation, row_sums};
+use crate::rounding::{inflation, row_sums};
 use faer::linalg::solvers::DenseSolveCore;
 use faer::{Mat, Side};
 

@@ -1,6 +1,6 @@
 //! The linear parts of a system with its bounds, and an observer's gain: checked once.
 
-use crate::config::check_vector;
+use crate::check::check_vector;
 use crate::error::Error;
 use crate::history::check_finite;
 use crate::interval::Interval;

@@ -1,6 +1,7 @@
 //! Order reduction: a zonotope of fewer generators that holds the one given, with outward rounding.
 
-use super::{diagonal, inflation, map, row_sums};
+use super::map;
+use crate::rounding::{diagonal, inflation, row_sums};
 use faer::{Mat, Side};
 use std::borrow::Cow;
 

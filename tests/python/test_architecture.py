@@ -1,0 +1,83 @@
+"""Imports point one way: no circle between files, in Python or in Rust."""
+
+import ast
+import re
+from graphlib import CycleError, TopologicalSorter
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+CRATES = sorted(path.parent.parent for path in ROOT.glob("crates/*/src/lib.rs"))
+
+
+def circle(imports):
+    """A circle in a mapping from file to the files that it imports, or None."""
+    try:
+        TopologicalSorter(imports).prepare()
+    except CycleError as error:
+        return error.args[1]
+    return None
+
+
+def python_imports():
+    """Modules of the package by the modules that they import, anywhere in the file; `ddmhe` itself only lists names."""
+    paths = {}
+    for path in (ROOT / "python" / "ddmhe").rglob("*.py"):
+        parts = path.relative_to(ROOT / "python").with_suffix("").parts
+        paths[".".join(parts[:-1] if parts[-1] == "__init__" else parts)] = path
+    found = {}
+    for module, path in paths.items():
+        named = set()
+        for node in ast.walk(ast.parse(path.read_text())):
+            if isinstance(node, ast.Import):
+                named |= {alias.name for alias in node.names}
+            elif isinstance(node, ast.ImportFrom):
+                assert node.level == 0, f"{path}: imports are written in full"
+                inner = [f"{node.module}.{alias.name}" for alias in node.names]
+                named |= {name if name in paths else str(node.module) for name in inner}
+        # importing a package's inside from within it is no circle with the package's own list of names
+        found[module] = {name for name in named & set(paths) if name not in ("ddmhe", module)}
+    return found
+
+
+def rust_imports(crate):
+    """Files of a crate by the files that they import, tests and links in comments left out."""
+    src = crate / "src"
+    files = {}
+    for path in src.rglob("*.rs"):
+        parts = path.relative_to(src).with_suffix("").parts
+        if parts != ("lib",):
+            files["::".join(parts)] = path
+
+    def file_of(path):
+        while path and path not in files:
+            path = path.rpartition("::")[0]
+        return path
+
+    found = {}
+    for name, path in files.items():
+        text = re.sub(r"#\[cfg\(test\)\].*", "", path.read_text(), flags=re.DOTALL)
+        code = "\n".join(line for line in text.splitlines() if not line.lstrip().startswith("//"))
+        paths = re.findall(r"\bcrate::((?:\w+::)*\w+)", code)
+        paths += [part.strip() for group in re.findall(r"\bcrate::\{([^}]*)\}", code) for part in group.split(",")]
+        found[name] = {file_of(p) for p in paths} - {"", name}
+    return found
+
+
+def test_python_imports_have_no_circle():
+    found = python_imports()
+    assert len(found) > 30
+    assert circle(found) is None
+
+
+@pytest.mark.parametrize("crate", CRATES, ids=lambda crate: crate.name)
+def test_rust_imports_have_no_circle(crate):
+    found = rust_imports(crate)
+    assert any(found.values())
+    assert circle(found) is None
+
+
+def test_a_circle_is_found():
+    assert circle({"a": {"b"}, "b": {"c"}, "c": set()}) is None
+    assert set(circle({"a": {"b"}, "b": {"c"}, "c": {"a"}})) == {"a", "b", "c"}
