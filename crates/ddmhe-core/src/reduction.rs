@@ -141,11 +141,12 @@ fn stacked(
     measured: &[bool],
 ) -> Result<(Blocks, Mat<f64>), SvdError> {
     let Shape { n, p, depth } = shape;
-    // √ of 2ρ^m P on the prior, of ρ^{j-1} R on y(t-j): the block of each sample with its first row in f
+    // (17): √ of 2ρ^m P on the prior, of ρ^{j-1} R on y(t-j): the block of each sample with its first row in f
     let mut blocks = vec![(0, weights.prior(depth))];
     blocks.extend((0..depth).map(|k| (n + k * p, weights.noise(depth - k, &measured[k * p..(k + 1) * p]))));
     let seen: Vec<usize> = shape.seen().collect();
     let r = space.rank();
+    // (16b): the window is c + B b, and the cost sees these rows of it
     let basis = Mat::from_fn(seen.len(), r, |i, j| space.basis[(seen[i], j)]);
     let mut F = Mat::zeros(seen.len(), r);
     for (first, W) in &blocks {

@@ -348,6 +348,7 @@ impl<'a> WindowStack<'a> {
         }
         let mut rows = Mat::zeros(starts.len(), 1 + depth * (n + p) + n);
         for (row, &(i, k)) in starts.iter().enumerate() {
+            // (16b): a column [1; x(k); y(k); …; x(k+depth)] of the stacked Hankel matrices, as a row
             rows[(row, 0)] = 1.0;
             let (x, y) = (&self.history.states(i)[k * n..], &self.history.outputs(i)[k * p..]);
             for j in 0..=depth {
