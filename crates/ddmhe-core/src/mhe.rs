@@ -567,6 +567,7 @@ fn window<'a>(
 ) -> (&'a WindowProblem, Data<'a>, Scratch<'a>) {
     let (depth, missing) = (memory.depth(), memory.missing());
     let (states, outputs, scratch) = memory.parts();
+    // the filtering update: x̄(t-M_t) is the estimate that was made then, the oldest in memory
     let data = Data { prior: &states[..design.history.n()], outputs, missing, x_bounds };
     (&problems[depth - design.first], data, scratch)
 }

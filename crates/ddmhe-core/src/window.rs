@@ -351,7 +351,7 @@ impl WindowProblem {
             }
         }
         if !own {
-            s.lo[..split].copy_from_slice(&self.x_lo);
+            s.lo[..split].copy_from_slice(&self.x_lo); // (16c)
             s.hi[..split].copy_from_slice(&self.x_hi);
         }
         let len = self.rows.len();
@@ -398,7 +398,7 @@ impl WindowProblem {
         }
     }
 
-    /// The box on the states that holds for this step alone, about x_c(t) if the bounds are relative to it, into lo and hi.
+    /// (16c): the box on the states that holds for this step alone, about x_c(t) if the bounds are relative to it, into lo and hi.
     #[inline(always)]
     fn box_of_this_step(
         &self,
@@ -421,7 +421,7 @@ impl WindowProblem {
         hi[used..].fill(f64::INFINITY);
     }
 
-    /// v = y - ŷ in [lo, hi]  ⇔  ŷ in [y - hi, y - lo], into lo and hi, in deviations.
+    /// (16d): v = y - ŷ in [lo, hi]  ⇔  ŷ in [y - hi, y - lo], into lo and hi, in deviations.
     #[inline(always)]
     fn limits_of_outputs(&self, limits: &Limits, data: &Data<'_>, (lo, hi): (&mut [f64], &mut [f64])) {
         let used = if limits.v.is_some() { data.outputs.len() } else { 0 };
