@@ -13,8 +13,8 @@ from __future__ import annotations
 import csv
 import difflib
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -41,6 +41,7 @@ MOST_FILLED = 2
 """Filling may at most double a log: beyond that it is several logs."""
 LARGEST = float(np.finfo(np.float64).max)
 _NOT_MEASURED = frozenset({"", "nan", "na", "n/a", "#n/a", "<na>", "null", "none"})
+_SECONDS = frozenset({"s", "sec", "secs", "second", "seconds"})
 
 
 class LogError(DdmheError):
@@ -101,6 +102,12 @@ class Log:
     """Where the file lacks rows, also ones that the decimation would have left out; none after `fill_gaps`."""
     decimate: int = 1
     """dt is this many steps of the file."""
+    units: Mapping[str, str] = field(default_factory=dict)
+    """Units of columns, from a line below the header; a column that is not among them may state its own in its name."""
+
+    def unit(self, column: str) -> str:
+        """The unit of a column, "" where neither a line of units nor its name states one."""
+        return self.units.get(column) or unit_of(column)
 
     def fill_gaps(self) -> Log:
         """The log on a gapless grid: in each gap the samples that are missing, all of them NaN (not measured).
@@ -157,7 +164,7 @@ class Log:
             )
         self._check_measured(self.x[: T + 1], self.names.state)
         self._check_measured(self.y[:T], self.names.output)
-        x_units, y_units = ([unit_of(name) for name in names] for names in (self.names.state, self.names.output))
+        x_units, y_units = ([self.unit(name) for name in names] for names in (self.names.state, self.names.output))
         recorded = History(
             self._bridged(self.x, T + 1), self._bridged(self.y, T), dt=self.dt, x_units=x_units, y_units=y_units
         )
@@ -207,7 +214,7 @@ def read_log(
 
     Parameters
     ----------
-    path : path of a CSV file with one header line
+    path : path of a CSV file with one header line, which a line of units may follow
     state, output : names of the state columns (n) and output columns (p); one column may be both
     time : name of the time column, in seconds; default the first column
     start : time of the log's own clock, s; default the first row
@@ -233,6 +240,7 @@ def read_log(
     table = _read_table(name)
     names = _checked_names(name, list(table.columns), state, output, time)
     _check_unwrap(unwrap, names)
+    table, units = _units(name, table, names.time)
     t = _time(name, table, names.time)
     nominal = decimate * float(np.median(np.diff(t))) if t.size > 1 else math.nan
     samples = samples_of(t) if t.size > 1 else np.zeros(t.size, dtype=np.int64)
@@ -252,7 +260,7 @@ def read_log(
     gaps = tuple(Gap(float(t[k]), float(t[k + 1] - t[k]), int(lines[k])) for k in before)
     numbered = (samples[kept] - samples[kept[0]]) // decimate
     x, y = columns(names.state), columns(names.output)
-    return Log(name, names, t[kept], x, y, dt, lines[kept], numbered, gaps, int(decimate))
+    return Log(name, names, t[kept], x, y, dt, lines[kept], numbered, gaps, int(decimate), units)
 
 
 def checked_missing(missing: Sequence[float]) -> tuple[float, ...]:
@@ -331,6 +339,29 @@ def _nearest(column: str, header: list[str]) -> str:
     close = difflib.get_close_matches(column, header, n=1)
     hint = f"; did you mean {close[0]!r}?" if close else ""
     return f"{hint} (columns: {', '.join(header)})"
+
+
+def _units(path: str, table: pd.DataFrame, time: str) -> tuple[pd.DataFrame, dict[str, str]]:
+    """The samples, and the units of the columns if the first line states them: a word for the time, and no number."""
+    first = [cell.strip() for cell in table.iloc[0]]
+    of_time = table[time].iloc[0].strip()
+    words = [cell for cell in first if cell and cell.lower() not in _NOT_MEASURED]
+    if of_time not in words or any(_is_number(word) for word in words) or len(table) < 2:
+        return table, {}
+    units = {name: cell.strip("[]() ") for name, cell in zip(table.columns, first, strict=True) if cell in words}
+    if units[time].lower() not in _SECONDS:
+        raise LogError(
+            f"{path}, line {table.index[0]}, column {time!r}: expected a time in seconds, found the unit {of_time!r}"
+        )
+    return table.iloc[1:], units
+
+
+def _is_number(cell: str) -> bool:
+    try:
+        float(cell)
+    except ValueError:
+        return False
+    return True
 
 
 def _column(path: str, table: pd.DataFrame, column: str, missing: Sequence[float] = ()) -> Array:

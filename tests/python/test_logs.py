@@ -1,5 +1,6 @@
 """Reading logs and splitting them: rows, times and every wrong file."""
 
+import math
 import os
 from itertools import product
 from pathlib import Path
@@ -422,3 +423,25 @@ def test_each_state_has_its_own_nrmse():
     assert np.isnan(relative[2])
     assert root_mean_square(relative) == pytest.approx(np.sqrt(2.0))
     assert pooled_nrmse(x_hat, x) < 0.003
+
+
+def test_a_line_of_units_below_the_header(tmp_path):
+    header = "time,a,b,torque,spare"
+    rows = [f"{0.1 * k:.1f},{math.sin(k)},{math.cos(k)},{math.sin(0.3 * k)},0" for k in range(40)]
+    path = tmp_path / "log.csv"
+    for units in ("s,rad/s,rad/s,N m,", "[s],[rad/s],(rad/s),[N m],-"):
+        path.write_text("\n".join([header, units, *rows]) + "\n")
+        log = read_log(path, ["a", "b"], ["torque"])
+        assert len(log.t) == 40
+        assert log.lines[0] == 3
+        history = log.split(2.0).history
+        assert (history.x_units, history.y_units) == (["rad/s", "rad/s"], ["N m"])
+    path.write_text("\n".join(["time,a_rad_s,b,torque", "s,,V,", *(row.rsplit(",", 1)[0] for row in rows)]) + "\n")
+    history = read_log(path, ["a_rad_s", "b"], ["torque"]).split(2.0).history
+    assert (history.x_units, history.y_units) == (["rad/s", "V"], [""])
+    path.write_text("\n".join([header, "ms,rad/s,rad/s,N m,", *rows]) + "\n")
+    with pytest.raises(LogError, match="line 2, column 'time': expected a time in seconds, found the unit 'ms'"):
+        read_log(path, ["a", "b"], ["torque"])
+    path.write_text("\n".join([header, "s,rad/s,1.5,N m,", *rows]) + "\n")
+    with pytest.raises(LogError, match="line 2, column 'time': expected a finite number, found 's'"):
+        read_log(path, ["a", "b"], ["torque"])
