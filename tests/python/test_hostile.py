@@ -118,7 +118,14 @@ def test_an_output_that_cannot_be_computed_with_counts_as_lost(value, bounded):
 
 
 @pytest.mark.parametrize(
-    "setting", [{"mu": 1e-150}, {"mu": 1e308}, {"x_prior": [1e300, 0, 0]}, {"x_bounds": (1e200, np.inf)}]
+    "setting",
+    [
+        {"mu": 1e-150},
+        {"mu": 1e308},
+        {"space": ddmhe.Ridge(1e-40)},
+        {"x_prior": [1e300, 0, 0]},
+        {"x_bounds": (1e200, np.inf)},
+    ],
 )
 def test_settings_that_cannot_be_computed_with_are_refused(setting):
     h, outputs, _, _ = case(3)
