@@ -101,7 +101,7 @@ impl Rows {
 
     /// The side that is violated most in units of its row's length, if any by more than the tolerance so many times.
     #[inline(always)]
-    fn worst(&self, w: &[f64], lo: &[f64], hi: &[f64], times: f64) -> Option<Side> {
+    fn worst(&self, w: &[f64], lo: &[f64], hi: &[f64], times: f64) -> Option<ActiveBound> {
         // lane by lane: the largest excess and the chunk of eight rows that it is in
         let (mut most, mut at) = ([0.0_f64; WIDTH], [0.0_f64; WIDTH]);
         let chunks = w.as_chunks::<WIDTH>().0.iter().zip(lo.as_chunks::<WIDTH>().0).zip(hi.as_chunks::<WIDTH>().0);
@@ -119,31 +119,31 @@ impl Rows {
         let lane = (1..WIDTH).fold(0, |best, i| if most[i] > most[best] { i } else { best });
         let row = at[lane] as usize + lane;
         let sign = if most[lane] > 0.0 && lo[row] - w[row] < w[row] - hi[row] { -1.0 } else { 1.0 };
-        (most[lane] > 0.0).then_some(Side { row, sign })
+        (most[lane] > 0.0).then_some(ActiveBound { row, sign })
     }
 }
 
 /// An active bound: its row, and +1 for the lower one, -1 for the upper one.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub(crate) struct Side {
+pub(crate) struct ActiveBound {
     pub row: usize,
     pub sign: f64,
 }
 
 /// The active bounds of the last call, and how they move from call to call.
 #[derive(Debug, Clone, Default)]
-pub(crate) struct Kept {
-    pub sides: Vec<Side>,
+pub(crate) struct WorkingSet {
+    pub sides: Vec<ActiveBound>,
     /// Whether the last call's active bounds were better foretold by those before moved on with the window (a bound that was
     /// active at a certain time) than by the same rows again (one that is active at a certain age).
     pub moves: bool,
-    before: Vec<Side>,
+    before: Vec<ActiveBound>,
     factored: bool, // whether Q and R in memory are of these sides
 }
 
-impl Kept {
-    pub fn new(sides: Vec<Side>, moves: bool) -> Self {
-        Kept { sides, moves, before: Vec::new(), factored: false }
+impl WorkingSet {
+    pub fn new(sides: Vec<ActiveBound>, moves: bool) -> Self {
+        WorkingSet { sides, moves, before: Vec::new(), factored: false }
     }
 
     /// Room for `most` active bounds.
@@ -163,7 +163,7 @@ impl Kept {
     }
 
     /// To the bounds that are likely to be active next; `older` is where a row is when the window has moved on by a sample.
-    pub fn foretell(&mut self, older: impl Fn(usize) -> Option<usize>) {
+    pub fn predict(&mut self, older: impl Fn(usize) -> Option<usize>) {
         self.before.clone_from(&self.sides);
         if self.moves && !self.sides.is_empty() {
             self.sides.retain_mut(|side| older(side.row).map(|row| side.row = row).is_some());
@@ -172,9 +172,11 @@ impl Kept {
     }
 
     /// Learns from what the active bounds became.
-    pub fn learn(&mut self, older: impl Fn(usize) -> Option<usize>) {
+    pub fn adapt(&mut self, older: impl Fn(usize) -> Option<usize>) {
         let stayed = self.before.iter().filter(|side| self.sides.contains(side)).count();
-        let moved = |side: &&Side| older(side.row).is_some_and(|row| self.sides.contains(&Side { row, ..**side }));
+        let moved = |side: &&ActiveBound| {
+            older(side.row).is_some_and(|row| self.sides.contains(&ActiveBound { row, ..**side }))
+        };
         let moved = self.before.iter().filter(moved).count();
         if stayed != moved {
             self.moves = moved > stayed;
@@ -211,8 +213,8 @@ pub(crate) struct Problem<'a, W: Windows> {
     pub rows: &'a Rows,
     pub lo: &'a [f64],
     pub hi: &'a [f64],
-    pub free: &'a [f64],           // z*, padded
-    pub metric: Option<&'a [f64]>, // L by rows of `stride` numbers
+    pub free: &'a [f64],                   // z*, padded
+    pub hessian_factor: Option<&'a [f64]>, // L by rows of `stride` numbers
     pub windows: &'a W,
     pub trust: Trust,
 }
@@ -314,7 +316,7 @@ impl<'a> Work<'a> {
     }
 
     /// Drops active bound j of `sides`: R loses a column, rotations make it triangular again.
-    fn drop(&mut self, j: usize, sides: &mut Vec<Side>) {
+    fn drop(&mut self, j: usize, sides: &mut Vec<ActiveBound>) {
         let (k, s) = (sides.len(), self.stride);
         sides.remove(j);
         self.u.copy_within(j + 1..k, j);
@@ -344,7 +346,7 @@ impl<W: Windows> Problem<'_, W> {
     /// Into z and its window w (both padded), starting from the kept active bounds and leaving the new ones there. z and w say nothing unless the outcome
     /// is [`Outcome::Optimal`].
     #[inline(always)]
-    pub fn solve(&self, kept: &mut Kept, memory: &mut [f64], z: &mut [f64], w: &mut [f64]) -> Outcome {
+    pub fn solve(&self, kept: &mut WorkingSet, memory: &mut [f64], z: &mut [f64], w: &mut [f64]) -> Outcome {
         let mut work = Work::new(memory, self.rows.r);
         let warm = !kept.sides.is_empty();
         let mut outcome = self.attempt(kept, &mut work, z, w);
@@ -361,19 +363,19 @@ impl<W: Windows> Problem<'_, W> {
     /// From no active bounds, in memory of its own: what it found, the bounds that it held active last and their multipliers. z and w are the last
     /// point and its window, whatever was found.
     #[cold]
-    pub fn anew(&self, z: &mut [f64], w: &mut [f64]) -> (Outcome, Vec<Side>, Vec<f64>) {
+    pub fn anew(&self, z: &mut [f64], w: &mut [f64]) -> (Outcome, Vec<ActiveBound>, Vec<f64>) {
         let mut memory = vec![0.0; work_len(self.rows.r)];
-        let (mut kept, mut work) = (Kept::default(), Work::new(&mut memory, self.rows.r));
+        let (mut kept, mut work) = (WorkingSet::default(), Work::new(&mut memory, self.rows.r));
         let outcome = self.attempt(&mut kept, &mut work, z, w);
         let multipliers = work.u[..kept.sides.len()].to_vec();
         (outcome, kept.sides, multipliers)
     }
 
     #[inline(always)]
-    fn attempt(&self, kept: &mut Kept, work: &mut Work<'_>, z: &mut [f64], w: &mut [f64]) -> Outcome {
+    fn attempt(&self, kept: &mut WorkingSet, work: &mut Work<'_>, z: &mut [f64], w: &mut [f64]) -> Outcome {
         let mut changes = 0;
         let mut rotated = false; // whether the factor is another than that of the list
-        let bounded = |side: &Side| self.bound(*side).is_finite();
+        let bounded = |side: &ActiveBound| self.bound(*side).is_finite();
         if !kept.sides.iter().all(bounded) {
             kept.sides.retain(bounded);
             kept.factored = false;
@@ -398,7 +400,9 @@ impl<W: Windows> Problem<'_, W> {
             if kept.sides.contains(&side) {
                 return Outcome::Uncertain; // violated although active: accuracy is lost
             }
-            if let Some(outcome) = self.take_in(side, w, &mut kept.sides, work, (&mut changes, most), &mut rotated) {
+            if let Some(outcome) =
+                self.add_constraint(side, w, &mut kept.sides, work, (&mut changes, most), &mut rotated)
+            {
                 return outcome;
             }
         }
@@ -416,11 +420,11 @@ impl<W: Windows> Problem<'_, W> {
 
     /// Takes in a violated side, dropping others where their multipliers ask for it. Some: the end.
     #[inline(always)]
-    fn take_in(
+    fn add_constraint(
         &self,
-        side: Side,
+        side: ActiveBound,
         w: &[f64],
-        sides: &mut Vec<Side>,
+        sides: &mut Vec<ActiveBound>,
         work: &mut Work<'_>,
         (changes, most): (&mut u32, u32),
         rotated: &mut bool,
@@ -431,7 +435,7 @@ impl<W: Windows> Problem<'_, W> {
         }
         self.normal(side, work);
         let missing = match self.trust.far {
-            false => self.missing_to(side),
+            false => self.gap(side),
             true => {
                 let to_bound = side.sign * (self.bound(side) - w[side.row]) * self.rows.inverse[side.row];
                 dot(work.n, work.t) + to_bound
@@ -489,7 +493,7 @@ impl<W: Windows> Problem<'_, W> {
     /// Whether n = N v with v ≤ 0 (in `back`) proves that no window is within the bounds: not even one that exceeds each of them by
     /// the tolerance of an optimal one, and after one refinement of v. See [`Combination`].
     #[cold]
-    fn proof(&self, side: Side, sides: &[Side], norm: f64, work: &mut Work<'_>) -> bool {
+    fn proof(&self, side: ActiveBound, sides: &[ActiveBound], norm: f64, work: &mut Work<'_>) -> bool {
         let k = sides.len();
         for again in [true, false] {
             self.normal(side, work);
@@ -511,8 +515,8 @@ impl<W: Windows> Problem<'_, W> {
     }
 
     /// Adds a side's bound, times its multiplier, to a combination.
-    pub fn weigh(&self, side: Side, multiplier: f64, sum: &mut Combination) {
-        let Side { row, sign } = side;
+    pub fn weigh(&self, side: ActiveBound, multiplier: f64, sum: &mut Combination) {
+        let ActiveBound { row, sign } = side;
         let bound = sign * (self.bound(side) - self.rows.offset[row]) * self.rows.inverse[row];
         sum.bounds += multiplier * bound;
         sum.size += multiplier * bound.abs();
@@ -523,7 +527,7 @@ impl<W: Windows> Problem<'_, W> {
 
     /// Q and R of the sides in their order; false if they are dependent.
     #[inline(always)]
-    fn refactor(&self, sides: &[Side], work: &mut Work<'_>) -> bool {
+    fn refactor(&self, sides: &[ActiveBound], work: &mut Work<'_>) -> bool {
         for (k, &side) in sides.iter().enumerate() {
             self.normal(side, work);
             let norm = dot(work.n, work.n);
@@ -538,20 +542,20 @@ impl<W: Windows> Problem<'_, W> {
 
     /// The outward unit normal of a side, in the coordinates of t.
     #[inline(always)]
-    fn normal(&self, side: Side, work: &mut Work<'_>) {
+    fn normal(&self, side: ActiveBound, work: &mut Work<'_>) {
         for (n, a) in work.n.iter_mut().zip(self.rows.normal(side.row)) {
             *n = side.sign * a;
         }
-        if let Some(L) = self.metric {
+        if let Some(L) = self.hessian_factor {
             solve_lower(L, &mut work.n[..self.rows.r], work.stride);
         }
     }
 
     /// n plus a multiple of a side's normal.
-    fn add_normal(&self, side: Side, multiplier: f64, work: &mut Work<'_>) {
+    fn add_normal(&self, side: ActiveBound, multiplier: f64, work: &mut Work<'_>) {
         let Work { n, rest, stride, .. } = work;
         rest[..*stride].iter_mut().zip(self.rows.normal(side.row)).for_each(|(n, a)| *n = side.sign * a);
-        if let Some(L) = self.metric {
+        if let Some(L) = self.hessian_factor {
             solve_lower(L, &mut rest[..self.rows.r], *stride);
         }
         axpy(multiplier, &rest[..*stride], n);
@@ -559,20 +563,20 @@ impl<W: Windows> Problem<'_, W> {
 
     /// How far z* is from a side's bound, along its unit normal.
     #[inline(always)]
-    fn missing_to(&self, Side { row, sign }: Side) -> f64 {
+    fn gap(&self, ActiveBound { row, sign }: ActiveBound) -> f64 {
         let along = dot(self.rows.normal(row), &self.free[..self.rows.stride]);
-        sign * ((self.bound(Side { row, sign }) - self.rows.offset[row]) * self.rows.inverse[row] - along)
+        sign * ((self.bound(ActiveBound { row, sign }) - self.rows.offset[row]) * self.rows.inverse[row] - along)
     }
 
     #[inline(always)]
-    pub fn bound(&self, side: Side) -> f64 {
+    pub fn bound(&self, side: ActiveBound) -> f64 {
         if side.sign > 0.0 { self.lo[side.row] } else { self.hi[side.row] }
     }
 
     #[inline(always)]
-    fn missing(&self, sides: &[Side], work: &mut Work<'_>) {
+    fn missing(&self, sides: &[ActiveBound], work: &mut Work<'_>) {
         for (&side, b) in sides.iter().zip(&mut *work.b) {
-            *b = self.missing_to(side);
+            *b = self.gap(side);
         }
     }
 
@@ -581,7 +585,7 @@ impl<W: Windows> Problem<'_, W> {
     fn reconstruct(&self, work: &mut Work<'_>, z: &mut [f64], w: &mut [f64]) {
         let (r, s) = (self.rows.r, work.stride);
         work.back[..r].copy_from_slice(&work.t[..r]);
-        if let Some(L) = self.metric {
+        if let Some(L) = self.hessian_factor {
             solve_transposed(L, &mut work.back[..r], s);
         }
         for ((z, free), t) in z[..r].iter_mut().zip(self.free).zip(&*work.back) {
@@ -593,7 +597,13 @@ impl<W: Windows> Problem<'_, W> {
     /// The side that is violated most. One that is active already is so by rounding, of z* far away from its bounds: z is then
     /// moved back onto all active bounds.
     #[inline(always)]
-    fn violated(&self, sides: &[Side], work: &mut Work<'_>, z: &mut [f64], w: &mut [f64]) -> Option<Side> {
+    fn violated(
+        &self,
+        sides: &[ActiveBound],
+        work: &mut Work<'_>,
+        z: &mut [f64],
+        w: &mut [f64],
+    ) -> Option<ActiveBound> {
         if self.trust.far && !sides.is_empty() {
             self.refine(sides, work, z, w);
         }
@@ -610,7 +620,7 @@ impl<W: Windows> Problem<'_, W> {
 
     /// The shortest step that puts the window w of z onto the active bounds.
     #[cold]
-    fn refine(&self, sides: &[Side], work: &mut Work<'_>, z: &mut [f64], w: &mut [f64]) {
+    fn refine(&self, sides: &[ActiveBound], work: &mut Work<'_>, z: &mut [f64], w: &mut [f64]) {
         let (r, s) = (self.rows.r, work.stride);
         work.rest.fill(0.0);
         for (j, &side) in sides.iter().enumerate() {
@@ -619,7 +629,7 @@ impl<W: Windows> Problem<'_, W> {
             work.d[j] = (missing - dot(&column[..j], &work.d[..j])) / column[j];
             axpy(work.d[j], &work.q[j * s..(j + 1) * s], &mut work.rest[..s]);
         }
-        if let Some(L) = self.metric {
+        if let Some(L) = self.hessian_factor {
             solve_transposed(L, &mut work.rest[..r], s);
         }
         axpy(1.0, &work.rest[..r], &mut z[..r]);
@@ -628,7 +638,7 @@ impl<W: Windows> Problem<'_, W> {
 
     /// Whether a row is at its bound, to the tolerance of an optimal one.
     #[inline(always)]
-    fn at_bound(&self, side: Side, w: &[f64]) -> bool {
+    fn at_bound(&self, side: ActiveBound, w: &[f64]) -> bool {
         (self.bound(side) - w[side.row]).abs() <= tol::ACTIVE_SET * self.rows.unit[side.row]
     }
 
@@ -650,7 +660,7 @@ impl<W: Windows> Problem<'_, W> {
 
     /// Whether every row is inside its bounds and every multiplier has its sign.
     #[inline(always)]
-    fn verified(&self, sides: &[Side], work: &Work<'_>, w: &[f64]) -> bool {
+    fn verified(&self, sides: &[ActiveBound], work: &Work<'_>, w: &[f64]) -> bool {
         let size = dot(work.t, work.t).sqrt().max(1.0);
         let u = &work.u[..sides.len()];
         let signs = u.iter().all(|&u| u >= -tol::WRONG_SIGN * size);
@@ -730,7 +740,7 @@ mod tests {
     struct Solver {
         A: Mat<f64>,
         rows: Rows,
-        kept: Kept,
+        kept: WorkingSet,
         memory: Vec<f64>,
     }
 
@@ -740,7 +750,7 @@ mod tests {
             let all = Mat::from_fn(len, A.ncols(), |i, j| if i < A.nrows() { A[(i, j)] } else { 0.0 });
             Solver {
                 rows: Rows::new(all.as_ref(), vec![0.0; len], vec![1.0; len]),
-                kept: Kept::default(),
+                kept: WorkingSet::default(),
                 memory: vec![0.0; work_len(A.ncols())],
                 A: all,
             }
@@ -766,7 +776,7 @@ mod tests {
         }
 
         fn problem<'a>(&'a self, lo: &'a [f64], hi: &'a [f64], free: &'a [f64], trust: Trust) -> Problem<'a, Mat<f64>> {
-            Problem { rows: &self.rows, lo, hi, free, metric: None, windows: &self.A, trust }
+            Problem { rows: &self.rows, lo, hi, free, hessian_factor: None, windows: &self.A, trust }
         }
 
         /// What the way out finds.
@@ -909,7 +919,7 @@ mod tests {
                 let (lo, hi) = random_bounds(&mut rng, &A, &inside);
                 inside.iter_mut().for_each(|v| *v += rng.random_range(-0.05..0.05));
                 let mut restored = Solver::new(&A);
-                restored.kept = Kept::new(running.kept.sides.clone(), false);
+                restored.kept = WorkingSet::new(running.kept.sides.clone(), false);
                 let (found, again) = (running.solve(&lo, &hi), restored.solve(&lo, &hi));
                 assert!(found.0 == again.0 && (found.1 == again.1 || !matches!(found.0, Outcome::Optimal(_))), "{k}");
                 assert_eq!(running.kept.sides, restored.kept.sides);

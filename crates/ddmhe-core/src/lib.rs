@@ -31,6 +31,24 @@
 //! The second method of the crate puts a guaranteed interval around a state: [`interval`] (arithmetic that rounds outward),
 //! [`Zonotope`], [`observer`] ([`IntervalObserver`]: a zonotope, an ellipsoid and a box side by side).
 //!
+//! # Notation
+//! m = M_t outputs in the window, N windows of the recording, d = (m+1) n + m p rows of a window, r directions kept. "Scaled": in units
+//! of each channel's [scale](Scaling), deviations from the recording's mean.
+//!
+//! | symbol | identifier | shape | unit | equation |
+//! |---|---|---|---|---|
+//! | x̂(t-m) … x̂(t) | [`Estimate::window`], the last of them [`Estimate::x`] | (m+1)·n | of x | (16c) |
+//! | v̂(t-m) … v̂(t-1) | [`Estimate::v`] | m·p | of y | (16d) |
+//! | x̄(t-m) | `window::Data::prior` | n | scaled | (17) |
+//! | ρ, μ | [`Config::rho`], [`Config::mu`] | | none, (of x / of y)² | (17) |
+//! | P, R, η | [`Certificate`]: in the place of I, μ I, ρ | n × n, p × p | | (17) |
+//! | the columns of the stacked Hankel matrices | `space::WindowStack::rows`, as rows | N × (1+d) | scaled | (16b) |
+//! | c, B: w = c + B b for every window w | [`TrajectorySpace`]: mean, basis | d, d × r | scaled | (16b) |
+//! | λ on ‖a‖² | [`TrajectorySpace`]: lambda | | none | none |
+//! | F, G: the weighted rows that the cost sees | `reduction::reduce` | (n+m p) × r, r × r | | (17) |
+//! | K, A: z* = K (\[x̄; y\] - c), w = c + A z | `reduction::Reduced` | r × (n+m p), d × r | | (16), (17) |
+//! | z*, z: the minimiser without and with bounds | `window::Scratch::free`, `z` | r | | (16) |
+//!
 //! # Example
 //! ```
 //! use ddmhe_core::{Config, DdMhe, History};

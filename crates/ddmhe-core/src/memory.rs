@@ -9,7 +9,7 @@ use std::ops::Range;
 /// The last samples of a signal, contiguous in memory: the window slides through a longer stretch and moves back to its
 /// beginning once at the end of it, so that a step costs no shift.
 #[derive(Debug, Clone)]
-struct Slide {
+struct SlidingBuffer {
     at: usize,    // where the stretch begins
     width: usize, // numbers in a sample
     room: usize,  // samples in the stretch
@@ -17,7 +17,7 @@ struct Slide {
     len: usize,
 }
 
-impl Slide {
+impl SlidingBuffer {
     #[inline]
     fn window(&self) -> Range<usize> {
         let first = self.at + self.start * self.width;
@@ -53,7 +53,7 @@ struct Sizes {
     rank: usize,   // of z* and z, padded
     window: usize, // of the window and its bounds, padded
     outputs: usize,
-    metric: usize,
+    hessian_factor: usize,
     block: usize,
     moved: usize,
 }
@@ -62,8 +62,8 @@ struct Sizes {
 #[derive(Debug, Clone)]
 pub(crate) struct Memory {
     block: Vec<f64>,
-    outputs: Slide,
-    states: Slide,
+    outputs: SlidingBuffer,
+    states: SlidingBuffer,
     missing: usize, // NaN in the window
     aside: usize,   // where the outputs are kept that were set aside
     sizes: Sizes,
@@ -78,15 +78,15 @@ impl Memory {
             rank: padded(r),
             window: padded((depth + 1) * n) + padded(depth * p),
             outputs: padded(depth * p),
-            metric: r * r.next_multiple_of(4),
+            hessian_factor: r * r.next_multiple_of(4),
             block: padded(p * p),
             moved: padded(n),
         };
         let aside = padded(room * p) + padded(room * n);
         let scratch = aside + padded(depth * p);
-        let Sizes { rank, window, outputs, metric, block, moved } = sizes;
-        let len = scratch + 2 * rank + 3 * window + outputs + metric + block + moved + work_len(r);
-        let slide = |at, width| Slide { at, width, room, start: 0, len: 0 };
+        let Sizes { rank, window, outputs, hessian_factor, block, moved } = sizes;
+        let len = scratch + 2 * rank + 3 * window + outputs + hessian_factor + block + moved + work_len(r);
+        let slide = |at, width| SlidingBuffer { at, width, room, start: 0, len: 0 };
         Memory {
             block: vec![0.0; len],
             outputs: slide(0, p),
@@ -221,10 +221,10 @@ impl Memory {
         let (lo, room) = room.split_at_mut(self.sizes.window);
         let (hi, room) = room.split_at_mut(self.sizes.window);
         let (outputs, room) = room.split_at_mut(self.sizes.outputs);
-        let (metric, room) = room.split_at_mut(self.sizes.metric);
+        let (hessian_factor, room) = room.split_at_mut(self.sizes.hessian_factor);
         let (block, room) = room.split_at_mut(self.sizes.block);
         let (moved, work) = room.split_at_mut(self.sizes.moved);
-        let scratch = Scratch { free, z, window: answer, lo, hi, outputs, metric, block, moved, work };
+        let scratch = Scratch { free, z, window: answer, lo, hi, outputs, hessian_factor, block, moved, work };
         (&window[self.states.window()], &window[self.outputs.window()], scratch)
     }
 }

@@ -14,7 +14,7 @@
 //! x̄ of later steps is that estimate in the configured box alone: a box of one step is not remembered. An estimate that is
 //! itself beyond 1/ε deviations is none: the window starts again from the recording's mean and from no output.
 
-use crate::active_set::{Kept, Side};
+use crate::active_set::{ActiveBound, WorkingSet};
 use crate::certificate::ErrorBound;
 use crate::check::check_vector;
 use crate::config::{
@@ -31,7 +31,7 @@ use crate::status::Status;
 use crate::tol;
 use crate::watch::Seen;
 use crate::weights::Weights;
-use crate::window::{Data, Found, Scratch, WindowProblem};
+use crate::window::{Data, Scratch, WindowProblem, WindowSolution};
 use std::sync::Arc;
 
 /// The estimator. A copy continues on its own from the same window and shares everything that was computed at construction.
@@ -42,9 +42,9 @@ pub struct DdMhe {
     opening: Option<Arc<Opening>>,
     growing: usize, // the first steps, whose problems are those of the opening
     bound: Option<ErrorBound>,
-    memory: Memory, // y(t-M_t) … y(t-1) and x̂(t-M_t) … x̂(t)
-    kept: Kept,     // active bounds of the last step
-    seen: Seen,     // what the outputs did that they never did in the recording
+    memory: Memory,   // y(t-M_t) … y(t-1) and x̂(t-M_t) … x̂(t)
+    kept: WorkingSet, // active bounds of the last step
+    seen: Seen,       // what the outputs did that they never did in the recording
     t: usize,
     estimate: Estimate,
 }
@@ -83,7 +83,7 @@ impl DdMhe {
             growing: 0,
             bound: design.bound.clone(),
             memory: Memory::new(history.n(), history.p(), design.settings.horizon, design.rank),
-            kept: Kept::default(),
+            kept: WorkingSet::default(),
             seen: Seen::default(),
             t: 0,
             estimate: Estimate::default(),
@@ -267,7 +267,7 @@ impl DdMhe {
     }
 
     /// Bounds that were active in the last step, in the order in which they were taken in, and whether they move with time.
-    pub(crate) fn active_bounds(&self) -> (&[Side], bool) {
+    pub(crate) fn active_bounds(&self) -> (&[ActiveBound], bool) {
         (&self.kept.sides, self.kept.moves)
     }
 
@@ -276,7 +276,7 @@ impl DdMhe {
         &mut self,
         (outputs, states): (&[f64], &[f64]),
         bounds: Vec<f64>,
-        (active, moves): (Vec<Side>, bool),
+        (active, moves): (Vec<ActiveBound>, bool),
         (t, estimate): (usize, Estimate),
     ) -> Result<(), Error> {
         let (n, p) = (self.n(), self.p());
@@ -296,7 +296,7 @@ impl DdMhe {
         check_measured("blob", outputs, p)?;
         check_finite("blob", states, n)?;
         self.refill(outputs.iter().copied(), states.iter().copied());
-        self.kept = Kept::new(active, moves);
+        self.kept = WorkingSet::new(active, moves);
         self.estimate = estimate;
         self.reserve();
         self.t = t;
@@ -329,7 +329,7 @@ impl DdMhe {
         self.t = 0;
         self.estimate = Estimate::default();
         self.seen = design.watch.start();
-        self.kept = Kept::default();
+        self.kept = WorkingSet::default();
         self.reserve();
         let last = history.recordings() - 1;
         let filled = filled(history, self.start, design.settings.horizon);
@@ -410,7 +410,7 @@ impl DdMhe {
 
     /// The minimiser over the window in memory, its states and fitted noise into the estimate.
     #[inline(always)]
-    fn minimise(&mut self, x_bounds: Option<&Bounds>) -> Found {
+    fn minimise(&mut self, x_bounds: Option<&Bounds>) -> WindowSolution {
         let (design, Estimate { window: states, v, .. }) = (&*self.design, &mut self.estimate);
         let (problems, weights) = problems(design, self.opening.as_deref(), self.t < self.growing);
         let (problem, data, mut scratch) = window(design, problems, &mut self.memory, x_bounds);
@@ -424,14 +424,14 @@ impl DdMhe {
 
     /// The same of a window that was changed.
     #[cold]
-    fn minimise_again(&mut self, x_bounds: Option<&Bounds>) -> Found {
+    fn minimise_again(&mut self, x_bounds: Option<&Bounds>) -> WindowSolution {
         self.kept.clear();
         self.minimise(x_bounds)
     }
 
     /// The rest of the estimate, and x̂(t) into memory.
     #[inline]
-    fn hand_out(&mut self, found: Found) {
+    fn hand_out(&mut self, found: WindowSolution) {
         let (design, estimate) = (&*self.design, &mut self.estimate);
         let (n, window) = (design.history.n(), &estimate.window);
         estimate.x.clear();
@@ -448,7 +448,7 @@ impl DdMhe {
 
     /// What to make of a window without a minimiser, into the estimate; whether past estimates are to be forgotten.
     #[cold]
-    fn reconsider(&mut self, found: &mut Found, x_bounds: Option<&Bounds>) -> bool {
+    fn reconsider(&mut self, found: &mut WindowSolution, x_bounds: Option<&Bounds>) -> bool {
         if found.status == Status::AlmostOptimal {
             return false;
         }
@@ -477,7 +477,7 @@ impl DdMhe {
     /// The answer without the outputs that contradict the others: without the newest sample, or, where the
     /// [`DOUBTS`](tol::DOUBTS) before it say nothing, without all before it (true). Of a window that cannot be computed the sample
     /// furthest out is the first in doubt. What is doubted counts as not measured from then on; where nothing helps, nothing is.
-    fn doubt(&mut self, failed: bool, x_bounds: Option<&Bounds>) -> (Found, bool) {
+    fn doubt(&mut self, failed: bool, x_bounds: Option<&Bounds>) -> (WindowSolution, bool) {
         let newest = self.memory.depth() - 1;
         let stale = newest >= tol::DOUBTS && self.memory.silent(newest - tol::DOUBTS..newest);
         let older = if stale && !failed { 0..newest } else { 0..0 };
@@ -549,9 +549,9 @@ fn anew(
     design: &Design,
     (problem, weights): (&WindowProblem, &Weights),
     data: &Data<'_>,
-    (kept, scratch): (&mut Kept, &mut Scratch<'_>),
+    (kept, scratch): (&mut WorkingSet, &mut Scratch<'_>),
     (states, v): (&mut [f64], &mut [f64]),
-) -> Found {
+) -> WindowSolution {
     let made = design.without_missing(problem, weights, data.outputs).ok();
     made.and_then(|made| made.solve(weights, &design.limits, data, (kept, scratch), (states, v)))
         .unwrap_or_else(|| problem.rest(weights, data, scratch, (states, v)))

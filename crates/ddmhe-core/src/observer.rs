@@ -116,7 +116,7 @@ pub struct IntervalObserver<D> {
     center: Vec<f64>,
     generators: Vec<f64>,
     distance: f64, // √V̄
-    fade: f64,     // (1-λ)^k: what (44) as printed adds
+    decay: f64,    // (1-λ)^k: what (44) as printed adds
     box_: Vec<Interval>,
     past: Vec<Past>,
     estimate: IntervalEstimate,
@@ -189,7 +189,7 @@ impl<D: Dynamics> IntervalObserver<D> {
             center: Vec::new(),
             generators: Vec::new(),
             distance: 0.0,
-            fade: 1.0,
+            decay: 1.0,
             box_: Vec::new(),
             past: Vec::new(),
             estimate: IntervalEstimate::default(),
@@ -223,7 +223,7 @@ impl<D: Dynamics> IntervalObserver<D> {
         let (center, radius) = (self.start.0.clone(), self.start.1.clone());
         self.step = 0;
         self.distance = self.peak.worst_distance(&radius);
-        self.fade = 1.0;
+        self.decay = 1.0;
         self.box_ = center.iter().zip(&radius).map(|(&c, &r)| Interval::about(c, r)).collect();
         self.generators = diagonal(&radius);
         self.center = center;
@@ -316,8 +316,8 @@ impl<D: Dynamics> IntervalObserver<D> {
         let all = measured.iter().all(|m| *m);
 
         let distance = self.next_distance(&rest, &generators, all);
-        let fade = self.fade * (1.0 - self.gain.lambda) * inflation(1);
-        let (ball, ellipsoid) = self.level_boxes(&center, distance, fade);
+        let decay = self.decay * (1.0 - self.gain.lambda) * inflation(1);
+        let (ball, ellipsoid) = self.level_boxes(&center, distance, decay);
 
         let hull = self.hull(&center, &generators);
         let mut predicted = Vec::with_capacity(self.n);
@@ -341,7 +341,7 @@ impl<D: Dynamics> IntervalObserver<D> {
         self.past = past;
         self.step += 1;
         self.distance = distance;
-        self.fade = fade;
+        self.decay = decay;
         self.box_.clone_from(&predicted);
         self.estimate.center.clone_from(&center);
         self.estimate.generators.clone_from(&generators);

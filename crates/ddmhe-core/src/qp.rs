@@ -8,7 +8,7 @@
 //!
 //! with rows of unit length.
 
-use crate::active_set::Side;
+use crate::active_set::ActiveBound;
 use crate::tol;
 use clarabel::algebra::CscMatrix;
 use clarabel::solver::{DefaultSettings, DefaultSolver, IPSolver, NonnegativeConeT, SupportedConeT, ZeroConeT};
@@ -17,7 +17,7 @@ use faer::{Mat, MatRef};
 /// What the solver proposes: a point, and multipliers of at least 0.
 pub(crate) struct Proposal {
     pub t: Vec<f64>,
-    pub multipliers: Vec<(Side, f64)>,
+    pub multipliers: Vec<(ActiveBound, f64)>,
     pub iterations: u32,
 }
 
@@ -30,13 +30,13 @@ pub(crate) fn least_distance(A: MatRef<'_, f64>, lo: &[f64], hi: &[f64]) -> Opti
     let r = A.ncols();
     let bounds = || lo.iter().zip(hi).enumerate();
     // equalities first, as the cones want them
-    let fixed = bounds().filter(|(_, (l, h))| l == h).map(|(row, _)| Side { row, sign: 1.0 });
+    let fixed = bounds().filter(|(_, (l, h))| l == h).map(|(row, _)| ActiveBound { row, sign: 1.0 });
     let open = bounds().filter(|(_, (l, h))| l != h).flat_map(|(row, (l, h))| {
-        let side = |sign: f64, bound: &f64| bound.is_finite().then_some(Side { row, sign });
+        let side = |sign: f64, bound: &f64| bound.is_finite().then_some(ActiveBound { row, sign });
         [side(1.0, l), side(-1.0, h)].into_iter().flatten()
     });
     let equalities = fixed.clone().count();
-    let sides: Vec<Side> = fixed.chain(open).collect();
+    let sides: Vec<ActiveBound> = fixed.chain(open).collect();
     // -sign aᵀt ≤ -sign bound
     let rows = Mat::from_fn(sides.len(), r, |i, j| -sides[i].sign * A[(sides[i].row, j)]);
     let b: Vec<f64> = sides.iter().map(|s| if s.sign > 0.0 { -lo[s.row] } else { hi[s.row] }).collect();
@@ -45,7 +45,7 @@ pub(crate) fn least_distance(A: MatRef<'_, f64>, lo: &[f64], hi: &[f64]) -> Opti
     let mut solver =
         DefaultSolver::new(&CscMatrix::identity(r), &vec![0.0; r], &sparse, &b, &cones, settings()).ok()?;
     solver.solve();
-    let outward = |(side, z): (&Side, &f64)| (Side { sign: side.sign * z.signum(), ..*side }, z.abs());
+    let outward = |(side, z): (&ActiveBound, &f64)| (ActiveBound { sign: side.sign * z.signum(), ..*side }, z.abs());
     Some(Proposal {
         t: solver.solution.x.clone(),
         multipliers: sides.iter().zip(&solver.solution.z).map(outward).collect(),
@@ -58,9 +58,9 @@ pub(crate) fn least_distance(A: MatRef<'_, f64>, lo: &[f64], hi: &[f64]) -> Opti
 pub(crate) fn least_excess(A: MatRef<'_, f64>, lo: &[f64], hi: &[f64]) -> Option<Proposal> {
     let r = A.ncols();
     let bounds = || lo.iter().zip(hi).enumerate();
-    let sides: Vec<Side> = bounds()
+    let sides: Vec<ActiveBound> = bounds()
         .flat_map(|(row, (l, h))| {
-            let side = |sign: f64, bound: &f64| bound.is_finite().then_some(Side { row, sign });
+            let side = |sign: f64, bound: &f64| bound.is_finite().then_some(ActiveBound { row, sign });
             [side(1.0, l), side(-1.0, h)].into_iter().flatten()
         })
         .collect();

@@ -18,7 +18,7 @@
 //! The snapshot of an estimator holds the recording, the configuration and the window; everything computed from them is
 //! computed again on [`DdMhe::restore`], so that a restored estimator continues with the same numbers.
 
-use crate::active_set::Side;
+use crate::active_set::ActiveBound;
 use crate::config::{Config, Start};
 use crate::error::Error;
 use crate::estimate::Estimate;
@@ -146,7 +146,7 @@ struct Snapshot {
     outputs: Vec<f64>,
     states: Vec<f64>,
     bounds: Vec<f64>,
-    active: Vec<Side>,
+    active: Vec<ActiveBound>,
     moves: bool,
     seen: Seen,
     start: Start, // of the run, which reset may have changed

@@ -16,7 +16,7 @@
 //! bounds, from y = 0. Where the first answer stands on a bound or, by rounding, beyond it, the
 //! bound is moved to where it stands.
 
-use crate::active_set::{Kept, Problem, Rows, Trust, Windows, work_len};
+use crate::active_set::{Problem, Rows, Trust, Windows, WorkingSet, work_len};
 use crate::panels::padded;
 use crate::status::Status;
 use crate::tol;
@@ -104,7 +104,7 @@ impl Surplus {
     pub fn solve<W: Windows>(
         &self,
         problem: &Problem<'_, W>,
-        (kept, work): (&mut Kept, &mut [f64]),
+        (kept, work): (&mut WorkingSet, &mut [f64]),
         z: &mut [f64],
         w: &mut [f64],
     ) -> (Status, u32) {
@@ -125,7 +125,7 @@ impl Surplus {
     fn first_stage<W: Windows>(
         &self,
         problem: &Problem<'_, W>,
-        (kept, work): (&mut Kept, &mut [f64]),
+        (kept, work): (&mut WorkingSet, &mut [f64]),
         z: &mut [f64],
         w: &mut [f64],
     ) -> (Status, u32) {
@@ -143,7 +143,7 @@ impl Surplus {
                 lo,
                 hi,
                 free: &free,
-                metric: None,
+                hessian_factor: None,
                 windows: &windows,
                 trust: Trust::CERTAIN,
             };
@@ -183,12 +183,12 @@ impl Surplus {
             lo: &lo,
             hi: &hi,
             free: &free,
-            metric: None,
+            hessian_factor: None,
             windows: &windows,
             trust: Trust::CERTAIN,
         };
         let mut memory = vec![0.0; work_len(q)];
-        let (status, changes) = decide(&least, (&mut Kept::default(), &mut memory), &mut y, &mut moved);
+        let (status, changes) = decide(&least, (&mut WorkingSet::default(), &mut memory), &mut y, &mut moved);
         if matches!(status, Status::Optimal | Status::AlmostOptimal) {
             z[..r].copy_from_slice(&self.moved(&seen, &y[..q]));
             problem.windows.window(&z[..r], w);

@@ -13,7 +13,9 @@
 //! minimiser of a problem whose bounds and z* are moved by so much, and its distance to z* is the
 //! smallest up to so much.
 
-use crate::active_set::{Combination, Kept, Outcome, Problem, Side, Trust, Windows, solve_lower, solve_transposed};
+use crate::active_set::{
+    ActiveBound, Combination, Outcome, Problem, Trust, Windows, WorkingSet, solve_lower, solve_transposed,
+};
 use crate::qp;
 use crate::status::Status;
 use crate::tol;
@@ -73,7 +75,7 @@ struct Answer {
 /// A minimiser on active sides.
 #[derive(Clone, Default)]
 struct Point {
-    sides: Vec<Side>,
+    sides: Vec<ActiveBound>,
     multipliers: Vec<f64>,
     t: Vec<f64>,
 }
@@ -82,7 +84,7 @@ struct Point {
 #[inline(always)]
 pub(crate) fn decide<W: Windows>(
     problem: &Problem<'_, W>,
-    (kept, work): (&mut Kept, &mut [f64]),
+    (kept, work): (&mut WorkingSet, &mut [f64]),
     z: &mut [f64],
     w: &mut [f64],
 ) -> (Status, u32) {
@@ -129,7 +131,7 @@ impl<'a, 'b, W: Windows> Bounded<'a, 'b, W> {
         let mut lengths = vec![1.0; rows.len()];
         for (k, &i) in rows.iter().enumerate() {
             let mut normal = all.normal(i)[..r].to_vec();
-            if let Some(L) = problem.metric {
+            if let Some(L) = problem.hessian_factor {
                 solve_lower(L, &mut normal, stride);
             }
             let length = norm(&normal);
@@ -193,8 +195,9 @@ impl<'a, 'b, W: Windows> Bounded<'a, 'b, W> {
         if let Outcome::Optimal(changes) | Outcome::Infeasible(changes) = outcome {
             *iterations += changes;
         }
-        let place = |side: &Side| self.rows.binary_search(&side.row).ok().map(|row| Side { row, ..*side });
-        let sides: Vec<Side> = sides.iter().filter_map(place).collect();
+        let place =
+            |side: &ActiveBound| self.rows.binary_search(&side.row).ok().map(|row| ActiveBound { row, ..*side });
+        let sides: Vec<ActiveBound> = sides.iter().filter_map(place).collect();
         let multipliers = sides.iter().zip(u).map(|(side, u)| u * self.lengths[side.row]).collect();
         let infeasible = matches!(outcome, Outcome::Infeasible(_));
         Proposed { point: self.point(sides, multipliers), infeasible }
@@ -218,7 +221,7 @@ impl<'a, 'b, W: Windows> Bounded<'a, 'b, W> {
         let Some(proposal) = solve(self.normals.as_ref(), &lo, &hi) else { return Proposed::default() };
         *iterations += proposal.iterations;
         // active: a multiplier that is larger than the distance to the bound
-        let slack = |side: &Side| {
+        let slack = |side: &ActiveBound| {
             let along: f64 = (0..self.r).map(|j| self.normals[(side.row, j)] * proposal.t[j]).sum();
             side.sign * (along - if side.sign > 0.0 { lo[side.row] } else { hi[side.row] })
         };
@@ -228,7 +231,7 @@ impl<'a, 'b, W: Windows> Bounded<'a, 'b, W> {
     }
 
     /// t = Σ u n.
-    fn point(&self, sides: Vec<Side>, multipliers: Vec<f64>) -> Point {
+    fn point(&self, sides: Vec<ActiveBound>, multipliers: Vec<f64>) -> Point {
         let mut t = vec![0.0; self.r];
         for (side, u) in sides.iter().zip(&multipliers) {
             (0..self.r).for_each(|j| t[j] += side.sign * u * self.normals[(side.row, j)]);
@@ -236,22 +239,22 @@ impl<'a, 'b, W: Windows> Bounded<'a, 'b, W> {
         Point { sides, multipliers, t }
     }
 
-    fn bound(&self, side: Side) -> f64 {
+    fn bound(&self, side: ActiveBound) -> f64 {
         if side.sign > 0.0 { self.lo[side.row] } else { self.hi[side.row] }
     }
 
     /// The minimiser, from sides that may be active: those that it violates are added and those
     /// with a multiplier of the wrong sign dropped, one at a time. None if that does not end within
     /// a bounded number of changes.
-    fn minimiser(&self, mut sides: Vec<Side>, cut: f64) -> Option<Point> {
+    fn minimiser(&self, mut sides: Vec<ActiveBound>, cut: f64) -> Option<Point> {
         for _ in 0..tol::ACTIVE_SET_CHANGES {
             let (t, multipliers) = self.least_norm(&sides, cut, |side| side.sign * self.bound(side))?;
             let size = norm(&t);
-            let excess = |side: Side| {
+            let excess = |side: ActiveBound| {
                 let along: f64 = (0..self.r).map(|j| self.normals[(side.row, j)] * t[j]).sum();
                 side.sign * (self.bound(side) - along) / (self.units[side.row] + tol::RELATIVE * size)
             };
-            let both = (0..self.rows.len()).flat_map(|row| [1.0, -1.0].map(|sign| Side { row, sign }));
+            let both = (0..self.rows.len()).flat_map(|row| [1.0, -1.0].map(|sign| ActiveBound { row, sign }));
             let worst = both.filter(|s| self.bound(*s).is_finite()).max_by(|a, b| excess(*a).total_cmp(&excess(*b)))?;
             if excess(worst) > tol::ACTIVE_SET {
                 if sides.contains(&worst) {
@@ -274,7 +277,12 @@ impl<'a, 'b, W: Windows> Bounded<'a, 'b, W> {
 
     /// The shortest t with given components along the outward normals of sides, and its
     /// multipliers: t = N u.
-    fn least_norm(&self, sides: &[Side], cut: f64, along: impl Fn(Side) -> f64) -> Option<(Vec<f64>, Vec<f64>)> {
+    fn least_norm(
+        &self,
+        sides: &[ActiveBound],
+        cut: f64,
+        along: impl Fn(ActiveBound) -> f64,
+    ) -> Option<(Vec<f64>, Vec<f64>)> {
         let (mut t, mut u) = (vec![0.0; self.r], vec![0.0; sides.len()]);
         if sides.is_empty() {
             return Some((t, u));
@@ -293,16 +301,16 @@ impl<'a, 'b, W: Windows> Bounded<'a, 'b, W> {
     /// The point in z, moved back onto its sides as often as its distance to z* takes their digits,
     /// and its window in w.
     fn settle(&self, point: &Point, z: &mut [f64], w: &mut [f64]) {
-        let Problem { metric, windows, free, .. } = *self.problem;
+        let Problem { hessian_factor, windows, free, .. } = *self.problem;
         let (r, mut step) = (self.r, point.t.clone());
         z[..r].copy_from_slice(&free[..r]);
         for _ in 0..=tol::REFINEMENTS {
-            if let Some(L) = metric {
+            if let Some(L) = hessian_factor {
                 solve_transposed(L, &mut step, self.stride);
             }
             z.iter_mut().zip(&step).for_each(|(z, step)| *z += step);
             windows.window(&z[..r], w);
-            let off = |side: &Side| self.missing(*side, w).abs() > tol::VIOLATED * self.units[side.row];
+            let off = |side: &ActiveBound| self.missing(*side, w).abs() > tol::VIOLATED * self.units[side.row];
             if !point.sides.iter().any(off) {
                 break;
             }
@@ -314,9 +322,9 @@ impl<'a, 'b, W: Windows> Bounded<'a, 'b, W> {
     }
 
     /// What is missing of the window to a side's bound, along its normal.
-    fn missing(&self, side: Side, w: &[f64]) -> f64 {
+    fn missing(&self, side: ActiveBound, w: &[f64]) -> f64 {
         let row = self.rows[side.row];
-        let bound = self.problem.bound(Side { row, ..side });
+        let bound = self.problem.bound(ActiveBound { row, ..side });
         side.sign * (bound - w[row]) * self.problem.rows.inverse(row) / self.lengths[side.row]
     }
 
@@ -337,7 +345,8 @@ impl<'a, 'b, W: Windows> Bounded<'a, 'b, W> {
             gap += u * off;
         }
         for k in 0..self.rows.len() {
-            for side in [1.0, -1.0].map(|sign| Side { row: k, sign }).into_iter().filter(|s| self.bound(*s).is_finite())
+            for side in
+                [1.0, -1.0].map(|sign| ActiveBound { row: k, sign }).into_iter().filter(|s| self.bound(*s).is_finite())
             {
                 bounds = bounds.max(self.missing(side, w) / units(k));
             }
@@ -349,15 +358,15 @@ impl<'a, 'b, W: Windows> Bounded<'a, 'b, W> {
 
     /// Lᵀ x for a Hessian L Lᵀ.
     fn transformed(&self, x: &[f64]) -> Vec<f64> {
-        let Some(L) = self.problem.metric else { return x.to_vec() };
+        let Some(L) = self.problem.hessian_factor else { return x.to_vec() };
         (0..self.r).map(|j| (j..self.r).map(|i| L[i * self.stride + j] * x[i]).sum()).collect()
     }
 
     /// Whether the multipliers, once what is left of their normals is taken out of them, prove that
     /// there is no window.
-    fn proves(&self, multipliers: &[(Side, f64)]) -> bool {
+    fn proves(&self, multipliers: &[(ActiveBound, f64)]) -> bool {
         let largest = multipliers.iter().map(|(_, u)| *u).fold(0.0, f64::max);
-        let (sides, mut u): (Vec<Side>, Vec<f64>) =
+        let (sides, mut u): (Vec<ActiveBound>, Vec<f64>) =
             multipliers.iter().filter(|(_, u)| *u > tol::SUPPORT * largest).copied().unzip();
         if sides.is_empty() {
             return false;
@@ -369,8 +378,8 @@ impl<'a, 'b, W: Windows> Bounded<'a, 'b, W> {
         for _ in 0..tol::REFINEMENTS {
             let rest: Vec<f64> = (0..self.r).map(|j| (0..u.len()).map(|a| N[(a, j)] * u[a]).sum()).collect();
             sum = Combination::new(norm(&rest));
-            let weigh = |(side, u): (&Side, &f64)| {
-                let outside = Side { row: self.rows[side.row], ..*side };
+            let weigh = |(side, u): (&ActiveBound, &f64)| {
+                let outside = ActiveBound { row: self.rows[side.row], ..*side };
                 self.problem.weigh(outside, u / self.lengths[side.row], &mut sum);
             };
             sides.iter().zip(&u).for_each(weigh);
@@ -479,16 +488,17 @@ mod tests {
             lo: &p.lo,
             hi: &p.hi,
             free: &p.free,
-            metric: None,
+            hessian_factor: None,
             windows: &p.A,
             trust: Trust::CERTAIN,
         };
         let (mut z, mut w) = (vec![0.0; padded(r)], vec![0.0; len]);
-        let (status, quick) = match problem.solve(&mut Kept::default(), &mut vec![0.0; work_len(r)], &mut z, &mut w) {
-            Outcome::Optimal(_) => (Status::Optimal, true),
-            Outcome::Infeasible(_) => (Status::Infeasible, true),
-            Outcome::Uncertain => (way_out(&problem, &mut z, &mut w).0, false),
-        };
+        let (status, quick) =
+            match problem.solve(&mut WorkingSet::default(), &mut vec![0.0; work_len(r)], &mut z, &mut w) {
+                Outcome::Optimal(_) => (Status::Optimal, true),
+                Outcome::Infeasible(_) => (Status::Infeasible, true),
+                Outcome::Uncertain => (way_out(&problem, &mut z, &mut w).0, false),
+            };
         (status, quick, z, w)
     }
 

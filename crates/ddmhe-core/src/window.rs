@@ -17,7 +17,7 @@
 //! *Missing outputs.* Without the rows J of the cost the Hessian is I - Σ A_kᵀ D_k A_k over the samples k with a missing entry, D_k
 //! what their weight loses: an r × r matrix, factored at the step instead of the whole problem.
 
-use crate::active_set::{Kept, Problem, Rows, Side, Trust, Windows, solve_transposed};
+use crate::active_set::{ActiveBound, Problem, Rows, Trust, Windows, WorkingSet, solve_transposed};
 use crate::config::Bounds;
 use crate::panels::{Panels, WIDTH, dot, each, halve, margin, padded, smaller, vectorised, weighted_square};
 use crate::reduction::{Reduced, Shape, reduce};
@@ -52,16 +52,16 @@ pub(crate) struct Scratch<'a> {
     pub window: &'a mut [f64], // the answer: states, padded, then outputs, padded
     pub lo: &'a mut [f64],     // bounds in the same order
     pub hi: &'a mut [f64],
-    pub outputs: &'a mut [f64], // y with numbers in the place of NaN
-    pub metric: &'a mut [f64],  // L with Hessian L Lᵀ, by rows
-    pub block: &'a mut [f64],   // p × p
-    pub moved: &'a mut [f64],   // n
-    pub work: &'a mut [f64],    // of the active-set method
+    pub outputs: &'a mut [f64],        // y with numbers in the place of NaN
+    pub hessian_factor: &'a mut [f64], // L with Hessian L Lᵀ, by rows
+    pub block: &'a mut [f64],          // p × p
+    pub moved: &'a mut [f64],          // n
+    pub work: &'a mut [f64],           // of the active-set method
 }
 
 /// How the answer of one window was found.
 #[derive(Debug, Clone, Copy, Default)]
-pub(crate) struct Found {
+pub(crate) struct WindowSolution {
     pub status: Status,
     pub sound: bool, // whether what is in the scratch are numbers within reach, whatever the status
     pub cost: f64,   // (17)
@@ -185,8 +185,8 @@ impl WindowProblem {
     }
 
     /// Whether these can be active bounds of this problem.
-    pub fn allows(&self, sides: &[Side]) -> bool {
-        let known = |side: &Side| side.row < self.rows.len() && (side.sign == 1.0 || side.sign == -1.0);
+    pub fn allows(&self, sides: &[ActiveBound]) -> bool {
+        let known = |side: &ActiveBound| side.row < self.rows.len() && (side.sign == 1.0 || side.sign == -1.0);
         sides.len() <= self.rank() && sides.iter().all(known)
     }
 
@@ -246,20 +246,20 @@ impl WindowProblem {
         weights: &Weights,
         limits: &Limits,
         data: &Data<'_>,
-        (kept, scratch): (&mut Kept, &mut Scratch<'_>),
+        (kept, scratch): (&mut WorkingSet, &mut Scratch<'_>),
         (states, v): (&mut [f64], &mut [f64]),
-    ) -> Option<Found> {
+    ) -> Option<WindowSolution> {
         vectorised(
             #[inline(always)]
             || {
-                kept.foretell(|row| self.older(row));
+                kept.predict(|row| self.older(row));
                 let found = self.minimise(weights, limits, data, (kept, scratch), v)?;
-                kept.learn(|row| self.older(row));
+                kept.adapt(|row| self.older(row));
                 self.in_user_units(scratch.window, states);
                 let cost = self.cost(weights, data, scratch, v);
                 let sound = cost.is_finite() && self.within_reach(scratch.window);
                 let status = if sound { found.status } else { Status::Failed };
-                Some(Found { status, sound, cost, ..found })
+                Some(WindowSolution { status, sound, cost, ..found })
             },
         )
     }
@@ -280,11 +280,11 @@ impl WindowProblem {
         data: &Data<'_>,
         s: &mut Scratch<'_>,
         (states, v): (&mut [f64], &mut [f64]),
-    ) -> Found {
+    ) -> WindowSolution {
         s.window[..self.rows.len()].copy_from_slice(self.rows.offset());
         self.in_user_units(s.window, states);
         self.residual(data.outputs, s.window, v);
-        Found { sound: true, cost: self.cost(weights, data, s, v), ..Found::default() }
+        WindowSolution { sound: true, cost: self.cost(weights, data, s, v), ..WindowSolution::default() }
     }
 
     /// Moves the states of a window, in the user's units, into the box in force.
@@ -308,9 +308,9 @@ impl WindowProblem {
         weights: &Weights,
         limits: &Limits,
         data: &Data<'_>,
-        (kept, s): (&mut Kept, &mut Scratch<'_>),
+        (kept, s): (&mut WorkingSet, &mut Scratch<'_>),
         v: &mut [f64],
-    ) -> Option<Found> {
+    ) -> Option<WindowSolution> {
         let mut changed = false;
         if data.missing {
             kept.clear();
@@ -318,9 +318,10 @@ impl WindowProblem {
         } else {
             self.minimiser(data.prior, data.outputs, s.free);
         }
-        let metric = if changed { Some(&*s.metric) } else { None };
+        let hessian_factor = if changed { Some(&*s.hessian_factor) } else { None };
         let (free, rank) = (&*s.free, self.rank());
-        let found = |active: usize| Some(Found { status: Status::Optimal, active, ..Found::default() });
+        let found =
+            |active: usize| Some(WindowSolution { status: Status::Optimal, active, ..WindowSolution::default() });
 
         let box_x = data.x_bounds.or(limits.x.as_ref());
         if kept.sides.is_empty() || (box_x.is_none() && limits.v.is_none()) {
@@ -358,9 +359,9 @@ impl WindowProblem {
         self.limits_of_outputs(limits, data, (&mut s.lo[split..len], &mut s.hi[split..len]));
         let (lo, hi) = (&s.lo[..len], &s.hi[..len]);
         if room >= -tol::FEASIBLE {
-            return found(self.touched(s.window, lo, hi));
+            return found(self.count_active(s.window, lo, hi));
         }
-        let problem = Problem { rows: &self.rows, lo, hi, free, metric, windows: self, trust: Trust::CERTAIN };
+        let problem = Problem { rows: &self.rows, lo, hi, free, hessian_factor, windows: self, trust: Trust::CERTAIN };
         let (status, iterations) = match &self.surplus {
             None => decide(&problem, (kept, s.work), s.z, s.window),
             Some(_) if changed => return None, // its two stages are those of the full Hessian
@@ -370,7 +371,12 @@ impl WindowProblem {
             kept.forget_factor(); // of this Hessian, or of the problem made for this window
         }
         self.residual(data.outputs, s.window, v);
-        Some(Found { status, active: self.touched(s.window, lo, hi), iterations, ..Found::default() })
+        Some(WindowSolution {
+            status,
+            active: self.count_active(s.window, lo, hi),
+            iterations,
+            ..WindowSolution::default()
+        })
     }
 
     /// The cost (17) in the user's units.
@@ -442,7 +448,7 @@ impl WindowProblem {
 
     /// Number of bounds that the window touches.
     #[inline(always)]
-    fn touched(&self, window: &[f64], lo: &[f64], hi: &[f64]) -> usize {
+    fn count_active(&self, window: &[f64], lo: &[f64], hi: &[f64]) -> usize {
         let mut count = [0.0; WIDTH];
         let chunks = window.as_chunks::<WIDTH>().0.iter().zip(lo.as_chunks::<WIDTH>().0).zip(hi.as_chunks::<WIDTH>().0);
         for (((w, lo), hi), unit) in chunks.zip(self.rows.unit().as_chunks::<WIDTH>().0) {
@@ -471,7 +477,7 @@ impl WindowProblem {
         if self.center.is_some() {
             return None;
         }
-        let L = &mut s.metric[..r * stride];
+        let L = &mut s.hessian_factor[..r * stride];
         L.fill(0.0);
         (0..r).for_each(|i| L[i * stride + i] = 1.0);
         for k in (0..depth).filter(|k| data.outputs[k * p..(k + 1) * p].iter().any(|y| y.is_nan())) {
@@ -595,7 +601,7 @@ mod tests {
                 let solve = |problem: &WindowProblem| {
                     let mut memory = Memory::new(4, 2, 12, design.rank);
                     let (_, _, mut scratch) = memory.parts();
-                    let (mut kept, mut states, mut v) = (Kept::default(), vec![0.0; 52], vec![0.0; 24]);
+                    let (mut kept, mut states, mut v) = (WorkingSet::default(), vec![0.0; 52], vec![0.0; 24]);
                     let (room, out) = ((&mut kept, &mut scratch), (&mut states[..], &mut v[..]));
                     let found = problem.solve(&design.weights, &design.limits, &data, room, out)?;
                     Some((found, states, v))

@@ -81,7 +81,7 @@ impl<D: Dynamics> IntervalObserver<D> {
     }
 
     /// The ball of (44) and the ellipsoid's box.
-    pub(super) fn level_boxes(&self, center: &[f64], distance: f64, fade: f64) -> (Vec<Interval>, Vec<Interval>) {
+    pub(super) fn level_boxes(&self, center: &[f64], distance: f64, decay: f64) -> (Vec<Interval>, Vec<Interval>) {
         if !distance.is_finite() {
             return (vec![Interval::ENTIRE; self.n], vec![Interval::ENTIRE; self.n]);
         }
@@ -91,7 +91,7 @@ impl<D: Dynamics> IntervalObserver<D> {
         let square = |x: f64| (x / unit) * (x / unit);
         let (level, w, v) = (square(distance), square(peak.w), square(peak.v));
         // λV̄ + (μ_w - γ)w̄² + (μ_v - γ)v̄² from (23); the printed (44) lets the sum in V̄ run to infinity
-        let tail = if self.method == Method::Paper { g.gamma * fade * (w + v) } else { 0.0 };
+        let tail = if self.method == Method::Paper { g.gamma * decay * (w + v) } else { 0.0 };
         let inner = g.lambda * level + (g.mu_w - g.gamma) * w + (g.mu_v - g.gamma) * v + tail;
         let slack = 8.0 * f64::EPSILON * (g.lambda * level + (g.mu_w + g.mu_v + g.gamma) * (w + v)) + f64::MIN_POSITIVE;
         let phi = unit * ((g.mu_w + g.mu_v).sqrt() * (inner + slack).max(0.0).sqrt() * inflation(8)) + TINY;

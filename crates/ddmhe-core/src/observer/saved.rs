@@ -13,7 +13,7 @@ struct Present {
     center: Vec<f64>,
     generators: Vec<f64>,
     distance: f64,
-    fade: f64,
+    decay: f64,
     box_: Vec<Interval>,
     past: Vec<Past>,
     estimate: IntervalEstimate,
@@ -27,7 +27,7 @@ impl<D: Dynamics> IntervalObserver<D> {
             center: self.center.clone(),
             generators: self.generators.clone(),
             distance: self.distance,
-            fade: self.fade,
+            decay: self.decay,
             box_: self.box_.clone(),
             past: self.past.clone(),
             estimate: self.estimate.clone(),
@@ -44,8 +44,8 @@ impl<D: Dynamics> IntervalObserver<D> {
         if !present.fits(self.n, self.p) {
             return Err(Error::value("blob", "the state of an observer with the same arguments", "that of another"));
         }
-        let Present { step, center, generators, distance, fade, box_, past, estimate } = present;
-        (self.step, self.distance, self.fade) = (step, distance, fade);
+        let Present { step, center, generators, distance, decay, box_, past, estimate } = present;
+        (self.step, self.distance, self.decay) = (step, distance, decay);
         (self.center, self.generators, self.box_) = (center, generators, box_);
         (self.past, self.estimate) = (past, estimate);
         Ok(())
@@ -60,7 +60,7 @@ impl Present {
             && self.center.len() == n
             && self.generators.len().is_multiple_of(n)
             && self.distance >= 0.0
-            && self.fade >= 0.0
+            && self.decay >= 0.0
             && proper(&self.box_, n)
             && self.past.len() <= BACK
             && self.past.iter().all(past)
