@@ -68,11 +68,14 @@ state() {
     find python/ddmhe -name '_core*.so' -exec cksum {} +
 }
 
-if ! state | cmp -s - .venv/built-state; then
+# All of it is read before it is compared: find would complain of a comparison that ends early.
+found=$(state)
+if ! echo "$found" | cmp -s - .venv/built-state; then
     rm -f .venv/built-state
     # Cargo goes by times of change: without this it would keep what it built from a newer file.
     [ ! -d "${CARGO_TARGET_DIR:-target}/release" ] ||
         cargo clean --quiet --release --locked -p ddmhe-core -p ddmhe-py
-    .venv/bin/maturin develop --release --locked
+    # what the package needs is in requirements-dev.txt; pip says of each that it is there
+    PIP_QUIET=1 .venv/bin/maturin develop --release --locked
     state >.venv/built-state
 fi

@@ -39,13 +39,13 @@ from ddmhe._core import (
 )
 
 if TYPE_CHECKING:
-    from ddmhe import baselines, design, interval
+    from ddmhe import baselines, design, interval, report
     from ddmhe.tuning import Tuning, tune
 
 __version__ = _version("ddmhe")
 
 # Loaded on first use, as cvxpy is by what runs a programme: they take longer to import than an estimator to build.
-_MODULES = ("baselines", "design", "interval")
+_MODULES = ("baselines", "design", "interval", "report")
 _LAZY = {name: f"ddmhe.{name}" for name in _MODULES} | {"tune": "ddmhe.tuning", "Tuning": "ddmhe.tuning"}
 
 
@@ -79,6 +79,7 @@ __all__ = [
     "design",
     "interval",
     "models",
+    "report",
     "run_many",
     "tune",
 ]

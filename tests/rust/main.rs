@@ -3,6 +3,7 @@
 
 mod allocation;
 mod certificate;
+mod examples;
 mod inputs;
 mod intervals;
 mod linear;
