@@ -70,7 +70,7 @@ state() {
 
 # All of it is read before it is compared: find would complain of a comparison that ends early.
 found=$(state)
-if ! echo "$found" | cmp -s - .venv/built-state; then
+if ! printf '%s\n' "$found" | cmp -s - .venv/built-state; then
     rm -f .venv/built-state
     # Cargo goes by times of change: without this it would keep what it built from a newer file.
     [ ! -d "${CARGO_TARGET_DIR:-target}/release" ] ||
