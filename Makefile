@@ -50,7 +50,7 @@ bench: setup ## time of the core's operations
 	cargo bench --workspace --locked
 
 instructions: ## instructions of a step (callgrind) against benches/instructions.json
-	cargo build --release --locked -p ddmhe-core --example instructions
+	cargo build --release --locked --workspace --example instructions
 	python3 benches/instructions.py
 
 bench-latency: ## ten million steps: percentiles, the longest, allocations
