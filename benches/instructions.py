@@ -1,7 +1,7 @@
 """Instructions of one step, counted by callgrind, against the numbers of a file: `make instructions`.
 
 A count is the same on every machine with the same compiler, so that a step which became slower shows where times are
-too noisy. Fails when a count has grown by more than 3 %; `--write` makes today's counts the baseline.
+too noisy. Fails when a count has grown by more than 5 %; `--write` makes today's counts the baseline.
 """
 
 import json
@@ -14,7 +14,7 @@ from pathlib import Path
 BASELINE = Path(__file__).with_suffix(".json")
 PROGRAM = Path("target/release/examples/instructions")
 STEPS = 500
-LIMIT = 1.03
+LIMIT = 1.05
 
 
 def compiler() -> str:
