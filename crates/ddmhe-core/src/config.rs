@@ -95,6 +95,11 @@ pub struct Config {
 }
 
 impl Config {
+    /// The known rest (x_e, y_e).
+    pub(crate) fn rest(&self) -> Option<(&[f64], &[f64])> {
+        self.equilibrium.as_ref().map(|(x, y)| (&x[..], &y[..]))
+    }
+
     /// What the cost is measured in, with `Auto` decided.
     pub(crate) fn weighting(&self) -> Weighting {
         let stated = self.rho.is_some() || self.mu.is_some() || self.certificate.is_some();

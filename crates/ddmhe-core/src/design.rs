@@ -48,7 +48,7 @@ impl Design {
         start: Start,
         (scaling, rule): (Scaling, Defaults),
     ) -> Result<Self, Error> {
-        let rest = config.equilibrium.as_ref().map(|(x, y)| (&x[..], &y[..]));
+        let rest = config.rest();
         let weights = Weights::new(config, &rule, &scaling)?;
         check_weights(&weights, config, &scaling)?;
         let horizon = rule.horizon_for(config)?;
@@ -151,7 +151,7 @@ pub(crate) fn prepared(history: &History, config: &Config) -> Result<(Scaling, D
     let scaling = Scaling::new(history)?;
     check_scales(&scaling)?;
     check_reach("x_prior", &scaling, config.x_prior.as_deref().unwrap_or(&[]), &[])?;
-    let rest = config.equilibrium.as_ref().map(|(x, y)| (&x[..], &y[..]));
+    let rest = config.rest();
     let (x_e, y_e) = rest.unwrap_or_default();
     check_reach("equilibrium", &scaling, x_e, y_e)?;
     let rule = Defaults::new(history, &scaling, rest);

@@ -59,14 +59,14 @@ impl<'a> Filters<'a> {
             // with a full window from the start: the one depth at which the choice is made
             let design = Design::new(history, config, Start::Recording)?;
             let (horizon, rested) = (design.settings.horizon, design.settings.equilibrium_used);
-            let windows = Windows::new(history, &design.scaling, horizon, rest(config).filter(|_| rested));
+            let windows = Windows::new(history, &design.scaling, horizon, config.rest().filter(|_| rested));
             let settings = vec![windows.setting(design.weights.clone(), design.selection)];
             let settings = windows.deepened(settings, config, &going);
             return Ok(Filters { history, config, scaling: design.scaling, horizon, settings });
         };
         let (scaling, rule) = prepared(history, config)?;
         check_excitation(history, horizon)?;
-        let windows = Windows::new(history, &scaling, horizon, rest(config).filter(|_| rule.noisy));
+        let windows = Windows::new(history, &scaling, horizon, config.rest().filter(|_| rule.noisy));
         let setting = |config: &&Config| going().then(|| windows.guarded(config, &rule)).flatten();
         let settings = windows.deepened(configs.iter().map(setting).collect(), config, &going);
         Ok(Filters { history, config, scaling, horizon, settings })
@@ -100,10 +100,6 @@ impl<'a> Filters<'a> {
         let within = states.iter().chain(&past).all(|v| v.abs() <= tol::MEASURABLE);
         within.then_some((setting.spectral_radius, estimates))
     }
-}
-
-fn rest(config: &Config) -> Option<(&[f64], &[f64])> {
-    config.equilibrium.as_ref().map(|(x, y)| (&x[..], &y[..]))
 }
 
 /// What the settings share while their maps are made.

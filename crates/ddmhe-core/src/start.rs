@@ -23,7 +23,6 @@ use crate::space::Scaling;
 use crate::tol;
 use crate::weights::Weights;
 use crate::window::WindowProblem;
-use faer::linalg::solvers::SolveLstsq;
 use faer::{Mat, Side};
 
 /// P₀ in units of the covariance of the recorded states.
@@ -78,17 +77,9 @@ fn inverse_factor(S: &Mat<f64>) -> Option<Mat<f64>> {
 /// σ_v²: variance of what an affine function of x(k) leaves of each channel of y(k), in scaled units; all of it where the recording
 /// has no degree of freedom left to tell.
 fn residual(history: &History, scaling: &Scaling) -> Vec<f64> {
-    let (n, p) = (history.n(), history.p());
-    let samples: Vec<Vec<f64>> = (0..history.recordings())
-        .flat_map(|i| history.states(i).chunks_exact(n).zip(history.outputs(i).chunks_exact(p)))
-        .map(|(x, y)| scaling.deviations(x, y).collect())
-        .collect();
-    let count = samples.len();
-    let of = |first: usize, columns: usize| Mat::from_fn(count, columns, |i, j| samples[i][first + j]);
-    let (mut X, Y) = (Mat::from_fn(count, n + 1, |_, _| 1.0), of(n, p));
-    X.subcols_mut(0, n).copy_from(of(0, n));
-    let (rest, freedom) =
-        if count > n + 1 { (&Y - &X * X.col_piv_qr().solve_lstsq(&Y), count - n - 1) } else { (Y, count) };
-    let least = |i: usize| tol::START_NOISE * scaling.unit_y[i] / scaling.s_y[i];
-    (0..p).map(|i| (rest.col(i).squared_norm_l2() / freedom as f64).max(least(i).powi(2))).collect()
+    let n = history.n();
+    let told = history.T() > n + 1;
+    let left = |i: usize| if told { scaling.one_step[n + i][0].sqrt() } else { scaling.unit_y[i] };
+    let scaled = |i: usize| left(i).max(tol::START_NOISE * scaling.unit_y[i]) / scaling.s_y[i];
+    (0..history.p()).map(|i| scaled(i).powi(2)).collect()
 }
