@@ -4,8 +4,8 @@ use ddmhe_core::{Bounds, Config, History, Space};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-/// Noisy recording (T samples) and online outputs of slowly decaying rotations (the last state of an odd n decays alone) seen
-/// through n outputs.
+/// Noisy recording (T samples) and online outputs of slowly decaying rotations (the last state of
+/// an odd n decays alone) seen through n outputs.
 pub fn recorded(n: usize, T: usize, steps: usize) -> (History, Vec<f64>) {
     let mut rng = ChaCha8Rng::seed_from_u64(1);
     let mut noise = |size: f64| rng.random_range(-size..size);

@@ -1,8 +1,9 @@
-"""Instructions of one step, counted by callgrind, against the numbers of a file: `make instructions`.
+"""Instructions of one step, counted by callgrind, against the numbers of a file: `make
+instructions`.
 
-A count is the same on every machine with the same compiler, so that a step which became slower shows where times are
-too noisy. Fails when a count has grown by more than 5 %; `--write` makes today's counts the baseline.
-"""
+A count is the same on every machine with the same compiler, so that a step which became slower
+shows where times are too noisy. Fails when a count has grown by more than 5 %; `--write` makes
+today's counts the baseline."""
 
 import json
 import re
@@ -19,12 +20,19 @@ LIMIT = 1.05
 
 def compiler() -> str:
     """Version of the compiler, on which the counts depend."""
-    return subprocess.run(["rustc", "--version"], check=True, capture_output=True, text=True).stdout.split()[1]
+    return subprocess.run(
+        ["rustc", "--version"], check=True, capture_output=True, text=True
+    ).stdout.split()[1]
 
 
 def count(regime: str) -> int:
     """Instructions of a step."""
-    command = ["valgrind", "--tool=callgrind", "--callgrind-out-file=/dev/null", "--collect-atstart=no"]
+    command = [
+        "valgrind",
+        "--tool=callgrind",
+        "--callgrind-out-file=/dev/null",
+        "--collect-atstart=no",
+    ]
     command += ["--toggle-collect=*instructions::steps*", str(PROGRAM), regime]
     found = subprocess.run(command, check=True, capture_output=True, text=True)
     collected = re.search(r"Collected : (\d+)", found.stderr)
@@ -49,7 +57,9 @@ def main() -> None:
         if ratio > LIMIT:
             grown.append(regime)
     if grown and not same:
-        print(f"instructions: another compiler ({compiler()}) than the baseline's ({baseline['rustc']}): no verdict")
+        print(
+            f"instructions: another compiler ({compiler()}) than the baseline's ({baseline['rustc']}): no verdict"
+        )
     elif grown and "--write" not in sys.argv[1:]:
         sys.exit(f"instructions: more than {LIMIT - 1:.0%} above the baseline: {', '.join(grown)}")
 

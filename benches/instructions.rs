@@ -19,8 +19,10 @@ fn main() {
     let regime = std::env::args().nth(1).unwrap_or_default();
     let (history, mut outputs) = recorded(3, 200, 100 + STEPS);
     let case = |M: usize, r: usize| config(M, Space::Truncated { rank: Some(r), tol: None });
-    let wide = |config: Config| Config { x_bounds: within(1e3, 3), v_bounds: within(1e3, 3), ..config };
-    // of one unit, so on one scale: the active bounds are then those that the baseline was counted with
+    let wide =
+        |config: Config| Config { x_bounds: within(1e3, 3), v_bounds: within(1e3, 3), ..config };
+    // of one unit, so on one scale: the active bounds are then those that the baseline was counted
+    // with
     let history = history.with_units(&["m"; 3], &["m"; 3]).expect("units fit");
     let config = match regime.as_str() {
         "free-10-5" => wide(case(10, 5)),

@@ -1,7 +1,7 @@
 //! Time of one step of the interval observer: method, reduction, states and generators.
 //!
-//! `pendulum` is the paper's example (n = 2, q = 20); `euler` the tumbling target; `chain` n = 6 pendulums coupled in a row
-//! (q = 60) through an embedder's own dynamics.
+//! `pendulum` is the paper's example (n = 2, q = 20); `euler` the tumbling target; `chain` n = 6
+//! pendulums coupled in a row (q = 60) through an embedder's own dynamics.
 
 use criterion::{Criterion, criterion_group, criterion_main};
 use ddmhe_core::observer::{Dynamics, Euler, Gain, Method, Options, Pendulum, System};
@@ -22,11 +22,24 @@ fn identity(n: usize, value: f64) -> Vec<f64> {
 /// No peak-to-peak bound: its cost is a few operations.
 fn gain(L: Vec<f64>, n: usize) -> Gain {
     let none = f64::INFINITY;
-    Gain { L, P: identity(n, 1.0), lambda: 0.5, gamma: none, mu_w: none, mu_v: none, weights: vec![] }
+    Gain {
+        L,
+        P: identity(n, 1.0),
+        lambda: 0.5,
+        gamma: none,
+        mu_w: none,
+        mu_v: none,
+        weights: vec![],
+    }
 }
 
 /// Steps along outputs that were simulated without disturbance, again from the start when they end.
-fn time<D: Dynamics>(c: &mut Criterion, id: &str, mut observer: IntervalObserver<D>, outputs: &[f64]) {
+fn time<D: Dynamics>(
+    c: &mut Criterion,
+    id: &str,
+    mut observer: IntervalObserver<D>,
+    outputs: &[f64],
+) {
     let (p, steps) = (observer.p(), outputs.len() / observer.p());
     c.benchmark_group("interval").bench_function(id, |b| {
         b.iter(|| {
@@ -34,7 +47,8 @@ fn time<D: Dynamics>(c: &mut Criterion, id: &str, mut observer: IntervalObserver
                 observer.reset();
             }
             let k = observer.steps();
-            let estimate = observer.step(&outputs[k * p..(k + 1) * p], &[]).expect("inside its bounds");
+            let estimate =
+                observer.step(&outputs[k * p..(k + 1) * p], &[]).expect("inside its bounds");
             black_box(estimate.predicted[0].hi)
         });
     });
@@ -64,7 +78,14 @@ fn pendulum(c: &mut Criterion) {
         let gain = gain(vec![1.5029, 7.7372], 2);
         let options = Options { order: 20, method, reduction };
         let start = (&[0.98, 0.02], &[0.1, 1.0]);
-        let observer = IntervalObserver::new(Pendulum { gain: 0.065 }, system, gain, start.0, start.1, options);
+        let observer = IntervalObserver::new(
+            Pendulum { gain: 0.065 },
+            system,
+            gain,
+            start.0,
+            start.1,
+            options,
+        );
         time(c, &format!("pendulum n=2 q=20 {name}"), observer.expect("valid"), &outputs);
     }
 }
@@ -92,10 +113,15 @@ fn euler(c: &mut Criterion) {
             v_radius: vec![0.01; 3],
             ..System::default()
         };
-        let dynamics = Euler { ratios: ratios.map(wide), linear: [Interval::ZERO; 9], output_radius: vec![1e-3; 9] };
+        let dynamics = Euler {
+            ratios: ratios.map(wide),
+            linear: [Interval::ZERO; 9],
+            output_radius: vec![1e-3; 9],
+        };
         let options = Options { order: 30, method, reduction };
         let gain = gain(identity(3, 0.02), 3);
-        let observer = IntervalObserver::new(dynamics, system, gain, &[0.25, 0.02, 0.06], &[1e-3; 3], options);
+        let observer =
+            IntervalObserver::new(dynamics, system, gain, &[0.25, 0.02, 0.06], &[1e-3; 3], options);
         time(c, &format!("euler n=3 q=30 {name}"), observer.expect("valid"), &outputs);
     }
 }
@@ -138,7 +164,8 @@ fn chain(c: &mut Criterion) {
     let mut outputs = Vec::new();
     for _ in 0..1000 {
         outputs.extend([x[0], x[2], x[4]]);
-        let mut next: Vec<f64> = A.chunks_exact(6).map(|r| r.iter().zip(&x).map(|(a, b)| a * b).sum()).collect();
+        let mut next: Vec<f64> =
+            A.chunks_exact(6).map(|r| r.iter().zip(&x).map(|(a, b)| a * b).sum()).collect();
         (0..3).for_each(|i| next[2 * i + 1] -= H * x[2 * i].sin());
         x.copy_from_slice(&next);
     }
@@ -162,7 +189,8 @@ fn chain(c: &mut Criterion) {
         };
         let options = Options { order: 60, method, reduction };
         let start = [0.5, 0.0, -0.3, 0.0, 0.2, 0.0];
-        let observer = IntervalObserver::new(Chain, system, gain(L.clone(), 6), &start, &[0.05; 6], options);
+        let observer =
+            IntervalObserver::new(Chain, system, gain(L.clone(), 6), &start, &[0.05; 6], options);
         time(c, &format!("chain n=6 q=60 {name}"), observer.expect("valid"), &outputs);
     }
 }

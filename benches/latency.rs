@@ -1,7 +1,8 @@
 //! Ten million steps in a row: median, 99th and 99.9th percentile, the longest, and allocations.
 //!
-//! `cargo bench --bench latency`, about a minute. Each step is timed alone, so that the time of reading the clock (printed first) is in
-//! every figure; the longest step is the machine's as much as the estimator's.
+//! `cargo bench --bench latency`, about a minute. Each step is timed alone, so that the time of
+//! reading the clock (printed first) is in every figure; the longest step is the machine's as much
+//! as the estimator's.
 
 #![allow(clippy::print_stdout)]
 
@@ -47,7 +48,9 @@ impl Times {
 fn report(name: &str, times: &mut Times, allocations: u64) {
     let [median, p99, p999, longest] = [0.5, 0.99, 0.999, 1.0].map(|share| times.percentile(share));
     let ratio = p999 as f64 / median as f64;
-    println!("{name:<36} {median:>7} {p99:>7} {p999:>7} {longest:>10} {ratio:>8.2} {allocations:>6}");
+    println!(
+        "{name:<36} {median:>7} {p99:>7} {p999:>7} {longest:>10} {ratio:>8.2} {allocations:>6}"
+    );
 }
 
 fn run(name: &str, mut mhe: DdMhe, outputs: &[f64]) {
@@ -78,7 +81,8 @@ fn main() {
         let (history, mut outputs) = recorded(3, 200, 100_000);
         let space = Space::Truncated { rank: Some(r), tol: None };
         let build = |config: Config| DdMhe::new(&history, config).expect("valid settings");
-        let free = Config { x_bounds: within(1e3, 3), v_bounds: within(1e3, 3), ..config(M, space) };
+        let free =
+            Config { x_bounds: within(1e3, 3), v_bounds: within(1e3, 3), ..config(M, space) };
         run(&format!("M={M} r={r}, nothing active"), build(free), &outputs);
         let cut = Config { v_bounds: within(0.055, 3), ..config(M, space) };
         run(&format!("M={M} r={r}, noise cut"), build(cut), &outputs[..300 * 3]);

@@ -1,11 +1,12 @@
-//! Time of one step against horizon M, number of states n, rank r and regime, beside the floor of its arithmetic; and of
-//! construction.
+//! Time of one step against horizon M, number of states n, rank r and regime, beside the floor of
+//! its arithmetic; and of construction.
 //!
-//! Regimes: `floor` (the bare arithmetic of a step in plain loops: z from the data, the whole window, the check of its
-//! bounds), `free` (bounds that never bind), `few` (a box on the states that binds at a few of them, warm-started from the
-//! last step's active set), `cold` (one such step without an active set to start from), `still` (a box that binds at the same
-//! states at every step), `many` (a box on the fitted noise that cuts now and then), `missing` (one output entry in a half of
-//! the window absent). Ratios within one run are what to compare.
+//! Regimes: `floor` (the bare arithmetic of a step in plain loops: z from the data, the whole
+//! window, the check of its bounds), `free` (bounds that never bind), `few` (a box on the states
+//! that binds at a few of them, warm-started from the last step's active set), `cold` (one such
+//! step without an active set to start from), `still` (a box that binds at the same states at every
+//! step), `many` (a box on the fitted noise that cuts now and then), `missing` (one output entry in
+//! a half of the window absent). Ratios within one run are what to compare.
 
 mod data;
 
@@ -14,7 +15,8 @@ use data::{config, recorded, within};
 use ddmhe_core::{Bounds, Config, DdMhe, Space};
 use std::hint::black_box;
 
-/// The bare arithmetic of one step: z = K f, w = c + A z, is lo ≤ w ≤ hi. Matrices by blocks of eight rows, sums in registers.
+/// The bare arithmetic of one step: z = K f, w = c + A z, is lo ≤ w ≤ hi. Matrices by blocks of
+/// eight rows, sums in registers.
 struct Floor {
     f: Vec<f64>,
     K: Vec<[f64; 8]>,
@@ -29,7 +31,8 @@ struct Floor {
 impl Floor {
     fn new(n: usize, M: usize, r: usize) -> Self {
         let (seen, rows) = (n + M * n, (M * 2 * n + n).div_ceil(8));
-        let numbers = |len: usize| (0..len).map(|i| [(i as f64).sin() / len as f64; 8]).collect::<Vec<_>>();
+        let numbers =
+            |len: usize| (0..len).map(|i| [(i as f64).sin() / len as f64; 8]).collect::<Vec<_>>();
         Floor {
             f: numbers(seen).into_iter().map(|f| f[0]).collect(),
             K: numbers(r.div_ceil(8) * seen),
@@ -77,28 +80,33 @@ fn product(mut sum: [f64; 8], block: &[[f64; 8]], x: &[f64]) -> [f64; 8] {
 fn time(c: &mut Criterion, regime: &str, id: &str, mut mhe: DdMhe, outputs: &[f64]) {
     let p = mhe.p();
     let log = mhe.run(outputs).expect("outputs fit");
-    let active = log.active[outputs.len() / p / 2..].iter().sum::<usize>() as f64 / (outputs.len() / p / 2) as f64;
+    let active = log.active[outputs.len() / p / 2..].iter().sum::<usize>() as f64
+        / (outputs.len() / p / 2) as f64;
     if active > 0.0 {
         eprintln!("{regime}/{id}: {active:.1} bounds active in the mean");
     }
     let mut samples = outputs.chunks_exact(p).cycle();
     c.benchmark_group(format!("step/{regime}")).bench_function(id, |b| {
         b.iter(|| {
-            let estimate = mhe.step(samples.next().expect("cycle never ends")).expect("outputs fit");
+            let estimate =
+                mhe.step(samples.next().expect("cycle never ends")).expect("outputs fit");
             black_box(estimate.x[0])
         });
     });
 }
 
-/// Steps without an active set to start from: copies of an estimator that has met no bounds yet, at the first step where the box cuts
-/// two states or more.
+/// Steps without an active set to start from: copies of an estimator that has met no bounds yet, at
+/// the first step where the box cuts two states or more.
 fn cold(c: &mut Criterion, id: &str, mut mhe: DdMhe, bounds: &Bounds, outputs: &[f64]) {
     let p = mhe.p();
-    let cuts = |mhe: &DdMhe, y: &[f64]| mhe.clone().step_within(y, Some(bounds)).is_ok_and(|e| e.active > 1);
+    let cuts = |mhe: &DdMhe, y: &[f64]| {
+        mhe.clone().step_within(y, Some(bounds)).is_ok_and(|e| e.active > 1)
+    };
     for y in outputs.chunks_exact(p).skip(60) {
         if mhe.t() > 60 && cuts(&mhe, y) {
             c.benchmark_group("step/cold").bench_function(id, |b| {
-                let step = |mhe: &mut DdMhe| mhe.step_within(y, Some(bounds)).map_or(0, |e| e.active);
+                let step =
+                    |mhe: &mut DdMhe| mhe.step_within(y, Some(bounds)).map_or(0, |e| e.active);
                 b.iter_batched_ref(|| mhe.clone(), step, BatchSize::SmallInput);
             });
             return;
@@ -121,7 +129,11 @@ fn step(c: &mut Criterion) {
     ] {
         let (history, outputs) = recorded(n, 200, 600);
         let build = |config: Config| DdMhe::new(&history, config).expect("valid settings");
-        let free = build(Config { x_bounds: within(1e3, n), v_bounds: within(1e3, n), ..config(M, space) });
+        let free = build(Config {
+            x_bounds: within(1e3, n),
+            v_bounds: within(1e3, n),
+            ..config(M, space)
+        });
         let id = format!("n={n},M={M},r={}", free.settings().rank);
         let mut floor = Floor::new(n, M, free.settings().rank);
         let (arch, rank) = (pulp::Arch::new(), free.settings().rank);
@@ -134,14 +146,28 @@ fn step(c: &mut Criterion) {
             });
         });
         time(c, "free", &id, free, &outputs);
-        let few = Bounds { lo: vec![-1e3; n], hi: (0..n).map(|i| 0.97 * (1.0 + i as f64)).collect() };
-        time(c, "few", &id, build(Config { x_bounds: Some(few.clone()), ..config(M, space) }), &outputs);
+        let few =
+            Bounds { lo: vec![-1e3; n], hi: (0..n).map(|i| 0.97 * (1.0 + i as f64)).collect() };
+        time(
+            c,
+            "few",
+            &id,
+            build(Config { x_bounds: Some(few.clone()), ..config(M, space) }),
+            &outputs,
+        );
         cold(c, &id, build(config(M, space)), &few, &outputs);
         // the same outputs for ever: the same window and the same active set at every step
         let still = outputs[..n].repeat(600);
-        let cap = Bounds { lo: vec![-1e3; n], hi: outputs[..n].iter().map(|y| 0.5 * y.abs()).collect() };
+        let cap =
+            Bounds { lo: vec![-1e3; n], hi: outputs[..n].iter().map(|y| 0.5 * y.abs()).collect() };
         time(c, "still", &id, build(Config { x_bounds: Some(cap), ..config(M, space) }), &still);
-        time(c, "many", &id, build(Config { v_bounds: within(0.055, n), ..config(M, space) }), &outputs);
+        time(
+            c,
+            "many",
+            &id,
+            build(Config { v_bounds: within(0.055, n), ..config(M, space) }),
+            &outputs,
+        );
         let mut holes = outputs.clone();
         (0..holes.len()).step_by(M * n / 2 + 1).for_each(|k| holes[k] = f64::NAN);
         time(c, "missing", &id, build(config(M, space)), &holes);
@@ -153,8 +179,8 @@ fn recording(c: &mut Criterion) {
     let space = Space::Truncated { rank: Some(5), tol: None };
     for T in [200, 2000] {
         let (history, outputs) = recorded(3, T, 600);
-        let mhe =
-            DdMhe::new(&history, Config { x_bounds: within(1e3, 3), ..config(20, space) }).expect("valid settings");
+        let mhe = DdMhe::new(&history, Config { x_bounds: within(1e3, 3), ..config(20, space) })
+            .expect("valid settings");
         time(c, "recording", &format!("T={T}"), mhe, &outputs);
     }
 }
@@ -162,12 +188,17 @@ fn recording(c: &mut Criterion) {
 fn construction(c: &mut Criterion) {
     let mut group = c.benchmark_group("construction");
     group.sample_size(10);
-    let full = [(2, 200, 20), (2, 200, 50), (4, 200, 20), (2, 2000, 20), (3, 2000, 50)].map(|case| (case, Space::Auto));
+    let full = [(2, 200, 20), (2, 200, 50), (4, 200, 20), (2, 2000, 20), (3, 2000, 50)]
+        .map(|case| (case, Space::Auto));
     let truncated = ((3, 2000, 50), Space::Truncated { rank: Some(20), tol: None });
     for ((n, T, M), space) in full.into_iter().chain([truncated]) {
         let (history, _) = recorded(n, T, 1);
         group.bench_function(format!("n={n},T={T},M={M},{space:?}"), |b| {
-            b.iter(|| DdMhe::new(black_box(&history), config(M, space)).expect("valid settings").spectral_radius());
+            b.iter(|| {
+                DdMhe::new(black_box(&history), config(M, space))
+                    .expect("valid settings")
+                    .spectral_radius()
+            });
         });
     }
 }

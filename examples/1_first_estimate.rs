@@ -1,4 +1,5 @@
-//! The first estimate: a short recording of a pendulum near its rest, then its state from the measured angle alone.
+//! The first estimate: a short recording of a pendulum near its rest, then its state from the
+//! measured angle alone.
 //!
 //! Prints the angle and the rate, true and estimated, every second.
 
@@ -6,7 +7,8 @@
 
 use ddmhe_core::{Config, DdMhe, Error, History};
 
-/// Angle (rad) and rate (rad/s) of a pendulum of 1 s⁻², every 50 ms, and its angle as it is measured.
+/// Angle (rad) and rate (rad/s) of a pendulum of 1 s⁻², every 50 ms, and its angle as it is
+/// measured.
 fn swing(angle: f64, samples: usize) -> (Vec<f64>, Vec<f64>) {
     let (dt, mut x) = (0.05, [angle, 0.0]);
     let (mut states, mut angles) = (x.to_vec(), Vec::new());
@@ -24,7 +26,8 @@ pub fn main() -> Result<(), Error> {
     let history = History::new(2, 1, &states, &angles, 0.05)?;
 
     let (truth, outputs) = swing(-0.2, 100); // another swing, of which only the angle is measured
-    let mut mhe = DdMhe::new(&history, Config { x_prior: Some(vec![-0.2, 0.0]), ..Config::default() })?;
+    let mut mhe =
+        DdMhe::new(&history, Config { x_prior: Some(vec![-0.2, 0.0]), ..Config::default() })?;
     println!("time s   angle rad  estimated   rate rad/s  estimated");
     for (k, y) in outputs.iter().enumerate() {
         let x = &mhe.step(&[*y])?.x; // one output in, the next state out

@@ -1,4 +1,5 @@
-//! Bounds on the states, and outputs that are lost: the window carries the estimate through, and the status says what it is.
+//! Bounds on the states, and outputs that are lost: the window carries the estimate through, and
+//! the status says what it is.
 //!
 //! Prints the estimates around a loss of ten samples and a wild output.
 
@@ -6,14 +7,20 @@
 
 use ddmhe_core::{Bounds, Config, DdMhe, Error, History, Start};
 
-/// Two masses on springs, lightly damped: positions and speeds, and the first position as it is measured.
+/// Two masses on springs, lightly damped: positions and speeds, and the first position as it is
+/// measured.
 fn swing(start: [f64; 4], samples: usize) -> (Vec<f64>, Vec<f64>) {
     let (dt, mut x) = (0.02, start);
     let (mut states, mut positions) = (x.to_vec(), Vec::new());
     for k in 0..samples {
         positions.push(x[0] + 1e-3 * (1.7 * k as f64).sin()); // a little noise
         let [a, b, u, v] = x;
-        x = [a + dt * u, b + dt * v, u + dt * (-4.0 * a + 2.0 * b - 0.1 * u), v + dt * (2.0 * a - 2.0 * b - 0.1 * v)];
+        x = [
+            a + dt * u,
+            b + dt * v,
+            u + dt * (-4.0 * a + 2.0 * b - 0.1 * u),
+            v + dt * (2.0 * a - 2.0 * b - 0.1 * v),
+        ];
         states.extend(x);
     }
     (states, positions)
@@ -39,7 +46,13 @@ pub fn main() -> Result<(), Error> {
         let estimate = mhe.step(&[*y])?;
         if [29, 39, 59, 60, 61].contains(&k) {
             let t = 4 * (k + 1) + 1;
-            println!("{:4} {:16.4} {:10.4}  {}", k + 1, truth[t], estimate.x[1], estimate.status.as_str());
+            println!(
+                "{:4} {:16.4} {:10.4}  {}",
+                k + 1,
+                truth[t],
+                estimate.x[1],
+                estimate.status.as_str()
+            );
         }
     }
     Ok(())

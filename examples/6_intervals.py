@@ -1,4 +1,5 @@
-"""Guaranteed intervals: a zonotope around the pendulum of the interval paper, for every disturbance in its bounds."""
+"""Guaranteed intervals: a zonotope around the pendulum of the interval paper, for every disturbance
+in its bounds."""
 
 import numpy as np
 
@@ -17,7 +18,9 @@ def main() -> None:
     )  # fmt: skip
     design = ddmhe.interval.design_observer(system)
     w_radius, v_radius = np.array([1e-3, 1e-3]), np.array([1e-2])
-    observer = ddmhe.interval.IntervalObserver(system, design, [0.5, 0.0], [0.2, 0.2], w_radius, v_radius)
+    observer = ddmhe.interval.IntervalObserver(
+        system, design, [0.5, 0.0], [0.2, 0.2], w_radius, v_radius
+    )
     rng, x = np.random.default_rng(0), np.array([0.6, 0.1])
     outside, width = 0, np.inf
     for _ in range(steps):
@@ -26,7 +29,9 @@ def main() -> None:
         x = A @ x + np.array([0.0, -dt * np.sin(x[0])]) + w_radius * rng.uniform(-1, 1, 2)
         outside += int(np.any((x < found.lower) | (x > found.upper)))
         width = float(found.upper[1] - found.lower[1])
-    print(f"gain verified: {design.verified}; {steps} steps, {outside} states outside of their interval")
+    print(
+        f"gain verified: {design.verified}; {steps} steps, {outside} states outside of their interval"
+    )
     print(f"last width of the interval of the rate, which is not measured: {width:.3f} rad/s")
 
 

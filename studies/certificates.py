@@ -1,4 +1,5 @@
-"""What certificates hold and cost: random systems, simulated bounds, the satellite, noisy recordings.
+"""What certificates hold and cost: random systems, simulated bounds, the satellite, noisy
+recordings.
 
 Run with `make study-certificates` (about two minutes); writes docs/certificates-study.md.
 """
@@ -16,7 +17,14 @@ ROOT = Path(__file__).resolve().parents[1]
 REPORT = ROOT / "docs" / "certificates-study.md"
 sys.path.insert(0, str(ROOT / "tests" / "python"))
 from reference import random_system  # noqa: E402
-from test_certificate import A_TRUE, C_TRUE, disturbed, largest_eigenvalue, random_pair, rich_recording  # noqa: E402
+from test_certificate import (  # noqa: E402
+    A_TRUE,
+    C_TRUE,
+    disturbed,
+    largest_eigenvalue,
+    random_pair,
+    rich_recording,
+)
 
 
 def random_systems():
@@ -52,7 +60,12 @@ def simulated():
             error = np.linalg.norm(log.x - x[1:], axis=1)
             for k, bound in enumerate((log.bound, advance)):
                 violations[k] += bool((error > bound * (1 + 1e-9) + 1e-9).any())
-            tight.append([np.median(log.bound / advance), np.median(error / log.bound) if sizes[2] else np.nan])
+            tight.append(
+                [
+                    np.median(log.bound / advance),
+                    np.median(error / log.bound) if sizes[2] else np.nan,
+                ]
+            )
     ratio, share = np.nanmedian(np.array(tight), axis=0)
     yield f"10 000 trajectories of 50 systems: {violations[0]} exceed the bound of the step, {violations[1]} the one"
     yield f"known in advance. Medians: the bound of the step is {ratio:.2f} times the one in advance, the error"
@@ -89,7 +102,9 @@ def robust():
                 except ddmhe.DdmheError:
                     continue
                 held += largest_eigenvalue(c, A_TRUE, C_TRUE) <= 0
-                ratios.append([np.trace(getattr(c, k)) / np.trace(getattr(nominal, k)) for k in "PQR"])
+                ratios.append(
+                    [np.trace(getattr(c, k)) / np.trace(getattr(nominal, k)) for k in "PQR"]
+                )
             P, Q, R = np.median(ratios, axis=0) if ratios else (np.nan,) * 3
             counts = f"{len(ratios)} of {draws} | {held} of {len(ratios)}"
             yield f"| {size:g} | {kind} | {counts} | {P:.3f} | {Q:.3f} | {R:.3f} |"

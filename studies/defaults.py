@@ -1,11 +1,13 @@
-"""How good is the default rule? Its error against the best setting in hindsight, on data nobody tuned for.
+"""How good is the default rule? Its error against the best setting in hindsight, on data nobody
+tuned for.
 
-Run with `make study-defaults` (some minutes on two cores); writes docs/defaults-study.md. The measured pendulum
-logs and brake curve take part if DDMHE_DATA, or ../shared/data beside the checkout, holds them.
+Run with `make study-defaults` (some minutes on two cores); writes docs/defaults-study.md. The
+measured pendulum logs and brake curve take part if DDMHE_DATA, or ../shared/data beside the
+checkout, holds them.
 
-Every case is a recording and the outputs that follow. The rule sees the recording only. Hindsight is the best of a grid
-of settings chosen with the truth: a limit that no rule can reach, the same for every rule.
-"""
+Every case is a recording and the outputs that follow. The rule sees the recording only. Hindsight
+is the best of a grid of settings chosen with the truth: a limit that no rule can reach, the same
+for every rule."""
 
 import os
 import sys
@@ -33,7 +35,8 @@ REPORT = ROOT / "docs" / "defaults-study.md"
 
 @dataclass(frozen=True)
 class Case:
-    """One recording x (T+1, n), y (T, p), the outputs that follow (N, p) and the states they should give (N, n)."""
+    """One recording x (T+1, n), y (T, p), the outputs that follow (N, p) and the states they should
+    give (N, n)."""
 
     group: str
     x: np.ndarray
@@ -51,8 +54,13 @@ class Case:
         squares = np.where(missing, 0.0, (x_hat - np.where(missing, 0.0, self.truth)) ** 2)
         if self.relative:
             spread = np.nansum((self.truth - np.nanmean(self.truth, axis=0)) ** 2)
-            return {name: np.sqrt(squares[:steps].sum() / spread) for name, steps in self.spans.items()}
-        return {name: self.scale * np.sqrt(squares[:steps].sum(1).mean()) for name, steps in self.spans.items()}
+            return {
+                name: np.sqrt(squares[:steps].sum() / spread) for name, steps in self.spans.items()
+            }
+        return {
+            name: self.scale * np.sqrt(squares[:steps].sum(1).mean())
+            for name, steps in self.spans.items()
+        }
 
 
 def detumbling(group, model, sigma_x, sigma_y, seed, noisy_history=True):
@@ -66,7 +74,8 @@ def detumbling(group, model, sigma_x, sigma_y, seed, noisy_history=True):
 
 
 def random_target(seed):
-    """Another satellite: inertia within 30 % about rotated axes, another magnet, another spin of 5 to 20 deg/s."""
+    """Another satellite: inertia within 30 % about rotated axes, another magnet, another spin of 5
+    to 20 deg/s."""
     rng = np.random.default_rng(seed)
     base = ddmhe.models.detumbling()
     moments = np.diag(base.inertia) * rng.uniform(0.7, 1.3, 3)
@@ -103,21 +112,28 @@ def cases():
         for seed in range(2):
             yield detumbling("3-DOF", nominal, sigma_x, sigma_y, 10 * k + seed)
     for seed in range(6):
-        yield detumbling("3-DOF, clean recording", nominal, 0, (0.001, 0.01, 0.05)[seed % 3], 200 + seed, False)
+        yield detumbling(
+            "3-DOF, clean recording", nominal, 0, (0.001, 0.01, 0.05)[seed % 3], 200 + seed, False
+        )
     for target, (sigma_x, sigma_y) in product(range(5), ((0, 0.01), (1e-4, 0.01), (5e-4, 0.05))):
-        yield detumbling("3-DOF, random targets", random_target(target), sigma_x, sigma_y, 300 + target)
+        yield detumbling(
+            "3-DOF, random targets", random_target(target), sigma_x, sigma_y, 300 + target
+        )
     yield from spin_downs()
     yield from pendulums()
 
 
 def spin_downs():
-    """Single-axis spin-downs: a linear brake, and the measured brake curve if its data are there."""
+    """Single-axis spin-downs: a linear brake, and the measured brake curve if its data are
+    there."""
     for sigma_x, sigma_y, seed in product((0, 0.05), (2e-4, 2e-3), range(4)):
         yield spin_down("spin-down, linear brake", ddmhe.models.spin_down(), sigma_x, sigma_y, seed)
     curve = DATA / "eddy-brake" / "torque_vs_slip_speed.csv"
     if curve.is_file():
         measured = TorqueCurve.from_csv(curve)
-        brake = ddmhe.models.spin_down(omega_0=60.0, inertia=0.6, torque_curve=measured)  # rising branch
+        brake = ddmhe.models.spin_down(
+            omega_0=60.0, inertia=0.6, torque_curve=measured
+        )  # rising branch
         for seed, sigma in product(range(4), (0.05, 0.5)):
             yield spin_down("spin-down, measured brake curve", brake, 0.1, sigma, seed)
 
@@ -143,7 +159,8 @@ def grid(history):
 
 
 def judge(case):
-    """Errors of the rule, of the paper's weights in the same space, of the options, and of the best of the grid."""
+    """Errors of the rule, of the paper's weights in the same space, of the options, and of the best
+    of the grid."""
     history = ddmhe.History(
         case.x, case.y, x_units="x", y_units="y"
     )  # all states of a case share a unit, all outputs too
@@ -171,7 +188,8 @@ def geometric(values):
 
 
 def rows(results):
-    """One row per group, span and setting: median and worst error, geometric mean and worst ratio to hindsight."""
+    """One row per group, span and setting: median and worst error, geometric mean and worst ratio
+    to hindsight."""
     groups = defaultdict(list)
     for group, found, best in results:
         for name, limit in best.items():
@@ -179,7 +197,16 @@ def rows(results):
                 groups[group, name, setting].append((errors[name], limit))
     for (group, name, setting), pairs in groups.items():
         error, limit = np.array(pairs).T
-        yield group, len(pairs), name, setting, np.median(error), error.max(), geometric(error), error / limit
+        yield (
+            group,
+            len(pairs),
+            name,
+            setting,
+            np.median(error),
+            error.max(),
+            geometric(error),
+            error / limit,
+        )
 
 
 def main():
@@ -191,7 +218,13 @@ def main():
     workers = os.cpu_count() or 1
     with ProcessPoolExecutor(workers, get_context("forkserver")) as pool:
         results = list(
-            track(pool.map(judge, todo), "cases", len(todo), console=console, disable=not sys.stdout.isatty())
+            track(
+                pool.map(judge, todo),
+                "cases",
+                len(todo),
+                console=console,
+                disable=not sys.stdout.isatty(),
+            )
         )
     header = [
         "group",

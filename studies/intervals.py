@@ -1,4 +1,5 @@
-"""The interval observer: no trajectory outside, how wide its bounds are, how long it takes, the tumbling target.
+"""The interval observer: no trajectory outside, how wide its bounds are, how long it takes, the
+tumbling target.
 
 Run with `make study-intervals` (about five minutes); writes docs/intervals-study.md.
 """
@@ -33,7 +34,8 @@ METHODS = {
 
 
 def simulate(rng, kind, count):
-    """True states (count, STEPS+1, 2) and outputs (count, STEPS, 1); every other start is a vertex of the box."""
+    """True states (count, STEPS+1, 2) and outputs (count, STEPS, 1); every other start is a vertex
+    of the box."""
     s = interval.pendulum()
     shape = (count, STEPS, 3)
     if kind == "uniform":
@@ -66,7 +68,8 @@ def observer(name):
 
 
 def outcome(o, x, y):
-    """Violations of the predicted, filtered and peak-to-peak bounds, and late widths (predicted, filtered)."""
+    """Violations of the predicted, filtered and peak-to-peak bounds, and late widths (predicted,
+    filtered)."""
     o.reset()
     log = o.run(y)
     outside = [
@@ -79,12 +82,15 @@ def outcome(o, x, y):
         )
     ]
     late = pendulum.LATE
-    width = np.concatenate([(log.upper - log.lower)[late].mean(0), (log.filtered[1] - log.filtered[0])[late].mean(0)])
+    width = np.concatenate(
+        [(log.upper - log.lower)[late].mean(0), (log.filtered[1] - log.filtered[0])[late].mean(0)]
+    )
     return np.array(outside), width
 
 
 def batch(seed):
-    """BATCH trajectories through every method: violations (methods, 4), summed widths (methods, 4)."""
+    """BATCH trajectories through every method: violations (methods, 4), summed widths (methods,
+    4)."""
     x, y = simulate(np.random.default_rng(seed), KINDS[seed % 4], BATCH)
     violations, widths = np.zeros((len(METHODS), 4), int), np.zeros((len(METHODS), 4))
     for m, name in enumerate(METHODS):
@@ -97,7 +103,8 @@ def batch(seed):
 
 
 def adversarial():
-    """As `batch`, of trajectories that push the last error as far as the adjoint of the error dynamics can."""
+    """As `batch`, of trajectories that push the last error as far as the adjoint of the error
+    dynamics can."""
     s, rng = interval.pendulum(), np.random.default_rng(0)
     violations, widths = np.zeros((len(METHODS), 4), int), np.zeros((len(METHODS), 4))
     observers = [observer(name) for name in METHODS]
@@ -131,15 +138,27 @@ def soundness(progress):
     yield ""
     yield (
         "| method | "
-        + " | ".join([*KINDS, "adversarial", "mean of the first four", "mean of 250 of each and the adversarial"])
+        + " | ".join(
+            [
+                *KINDS,
+                "adversarial",
+                "mean of the first four",
+                "mean of 250 of each and the adversarial",
+            ]
+        )
         + " |"
     )
     yield "|" + " --- |" * (len(KINDS) + 4)
     for m, name in enumerate(METHODS):
         for label, part in (("predicted", slice(0, 2)), ("with y(k)", slice(2, 4))):
-            kinds = [sum(f[1][m, part] for f in found[k::4]) / (count // 4 // BATCH * BATCH) for k in range(4)]
+            kinds = [
+                sum(f[1][m, part] for f in found[k::4]) / (count // 4 // BATCH * BATCH)
+                for k in range(4)
+            ]
             kinds.append(widths[m, part] / ADVERSARIES)
-            few = (1000 * np.mean(kinds[:4], axis=0) + ADVERSARIES * kinds[4]) / (1000 + ADVERSARIES)
+            few = (1000 * np.mean(kinds[:4], axis=0) + ADVERSARIES * kinds[4]) / (
+                1000 + ADVERSARIES
+            )
             cells = [f"{a:.5f} / {b:.5f}" for a, b in [*kinds, np.mean(kinds[:4], axis=0), few]]
             yield f"| {name}, {label} | " + " | ".join(cells) + " |"
 
@@ -163,7 +182,9 @@ def speed():
             times.setdefault((name, "step"), []).append(time.perf_counter() - begin)
         begin = time.perf_counter()
         reference.run(y[0])
-        times.setdefault(("the paper's method in NumPy", "run"), []).append(time.perf_counter() - begin)
+        times.setdefault(("the paper's method in NumPy", "run"), []).append(
+            time.perf_counter() - begin
+        )
     medians = {key: np.median(value) / STEPS * 1e6 for key, value in times.items()}
     slow = medians["the paper's method in NumPy", "run"]
     yield "| from Python | us a sample | NumPy's time over it |"
@@ -186,9 +207,13 @@ def detumbling():
         s = interval.detumbling(uncertainty=uncertainty)
         g = interval.fixed_gain(s, interval.kalman_gain(s, 1e-6, 0.01))
         for method in ("tight", "paper"):
-            o = interval.IntervalObserver(s, g, record.x[0], 1e-3, 1e-7, 0.01, order=60, method=method)
+            o = interval.IntervalObserver(
+                s, g, record.x[0], 1e-3, 1e-7, 0.01, order=60, method=method
+            )
             log = o.run(y)
-            outside = int(((record.x[1:] < log.lower) | (record.x[1:] > log.upper)).any(axis=1).sum())
+            outside = int(
+                ((record.x[1:] < log.lower) | (record.x[1:] > log.upper)).any(axis=1).sum()
+            )
             width = np.rad2deg(log.upper - log.lower).max(axis=1)
             cells = " | ".join(f"{width[k - 1]:.3g}" for k in (50, 200, 400, 1000, 1200))
             yield f"| ± {100 * uncertainty:g} % | {method} | {cells} | {outside} |"

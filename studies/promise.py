@@ -1,9 +1,10 @@
-"""Does `ddmhe.tune` keep what it promises? On recordings of several kinds: how often it leaves the default rule, what
+"""Does `ddmhe.tune` keep what it promises? On recordings of several kinds: how often it leaves the
+default rule, what
 that gains later, and the share of later errors that stay in its range.
 
-Run with `make study-promise` (some minutes). Cases are those of studies/defaults.py with other seeds and targets, other
-cuts of the measured pendulum logs, and two families that are made here: states driven by noise, and linear systems.
-"""
+Run with `make study-promise` (some minutes). Cases are those of studies/defaults.py with other
+seeds and targets, other cuts of the measured pendulum logs, and two families that are made here:
+states driven by noise, and linear systems."""
 
 import warnings
 from collections import defaultdict
@@ -27,7 +28,9 @@ def driven(phi, T, seed):
     rate = np.zeros(2 * T + 1)
     for k in range(2 * T):
         rate[k + 1] = phi * rate[k] + np.sqrt(1 - phi**2) * rng.standard_normal()
-    angle = np.concatenate([[0.0], np.cumsum(0.05 * rate[:-1])]) + 3e-3 * rng.standard_normal(2 * T + 1)
+    angle = np.concatenate([[0.0], np.cumsum(0.05 * rate[:-1])]) + 3e-3 * rng.standard_normal(
+        2 * T + 1
+    )
     return split("noise-driven", rate[:, None], angle[:, None], T)
 
 
@@ -37,14 +40,22 @@ def oscillator(T, seed):
     A = np.zeros((4, 4))
     for k in (0, 2):
         a = rng.uniform(0.05, 0.4)
-        A[k : k + 2, k : k + 2] = rng.uniform(0.98, 1.0) * np.array([[np.cos(a), -np.sin(a)], [np.sin(a), np.cos(a)]])
+        A[k : k + 2, k : k + 2] = rng.uniform(0.98, 1.0) * np.array(
+            [[np.cos(a), -np.sin(a)], [np.sin(a), np.cos(a)]]
+        )
     x = [rng.standard_normal(4)]
     for _ in range(2 * T):
         x.append(A @ x[-1] + 0.02 * rng.standard_normal(4))
     x = np.array(x)
     y = x @ rng.standard_normal((4, 2)) + 0.03 * rng.standard_normal((2 * T + 1, 2))
     case = split("linear", x, y, T)
-    return Case(case.group, case.x + 0.02 * rng.standard_normal(case.x.shape), case.y, case.outputs, case.truth)
+    return Case(
+        case.group,
+        case.x + 0.02 * rng.standard_normal(case.x.shape),
+        case.y,
+        case.outputs,
+        case.truth,
+    )
 
 
 def split(group, x, y, T):
@@ -52,7 +63,8 @@ def split(group, x, y, T):
 
 
 def cuts():
-    """Pendulum logs at other rates and from other samples on; what is missing is left out of the errors."""
+    """Pendulum logs at other rates and from other samples on; what is missing is left out of the
+    errors."""
     for path in sorted((DATA / "repoimu-pendulum").glob("*.csv")):
         for decimate, lead, T in CUTS:
             log = read_log(path, STATE, OUTPUT, decimate=decimate)
@@ -68,14 +80,21 @@ def cases():
     for target, noise in ((40, 0.01), (41, 0.05), (42, 0.01), (43, 0.05)):
         yield detumbling("3-DOF", random_target(target), 2e-4, noise, 900 + target)
     for seed in range(8):
-        yield spin_down("spin-down, linear brake", ddmhe.models.spin_down(), (0, 0.05)[seed % 2], 1e-3, 20 + seed)
+        yield spin_down(
+            "spin-down, linear brake",
+            ddmhe.models.spin_down(),
+            (0, 0.05)[seed % 2],
+            1e-3,
+            20 + seed,
+        )
     for phi in (0.6, 0.9, 0.97):
         yield from (driven(phi, T, 40 + seed) for T in (150, 300) for seed in range(3))
     yield from (oscillator(T, seed) for T in (80, 150) for seed in range(5))
 
 
 def judge(case):
-    """Whether the default rule was left, the error over the default's, and for each state whether it was inside."""
+    """Whether the default rule was left, the error over the default's, and for each state whether
+    it was inside."""
     history = ddmhe.History(case.x, case.y, x_units="x", y_units="y")
     tuned = ddmhe.tune(history, progress=False)
     errors = []
@@ -84,7 +103,9 @@ def judge(case):
         squares = (x_hat - case.truth) ** 2
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # a stretch without truth
-            errors.append([np.sqrt(np.nanmean(squares[:k], axis=0)) for k in (history.T, len(squares))])
+            errors.append(
+                [np.sqrt(np.nanmean(squares[:k], axis=0)) for k in (history.T, len(squares))]
+            )
     lo, hi = tuned.range
     (ours, whole), (_, default) = errors
     ratio = np.sqrt(np.mean(whole**2) / np.mean(default**2))
@@ -97,13 +118,27 @@ def main():
     found = defaultdict(list)
     for case in cases():
         found[case.group].append(judge(case))
-    header = ("kind", "cases", "left the default", "error over the default's, worst", "inside, T", "inside, all")
-    table = Table(*header, "hi / promise", "later / promise, 5 % to 95 %", title="What tune promises")
+    header = (
+        "kind",
+        "cases",
+        "left the default",
+        "error over the default's, worst",
+        "inside, T",
+        "inside, all",
+    )
+    table = Table(
+        *header, "hi / promise", "later / promise, 5 % to 95 %", title="What tune promises"
+    )
     for group, rows in found.items():
         moved, ratio, inside, width, later = zip(*rows, strict=True)
         first, whole = (np.concatenate([each[k] for each in inside]).mean() for k in (0, 1))
         low, high = np.quantile(np.concatenate(later), [0.05, 0.95])
-        cells = [group, str(len(rows)), str(sum(moved)), f"{np.exp(np.mean(np.log(ratio))):.3f}, {max(ratio):.2f}"]
+        cells = [
+            group,
+            str(len(rows)),
+            str(sum(moved)),
+            f"{np.exp(np.mean(np.log(ratio))):.3f}, {max(ratio):.2f}",
+        ]
         cells += [f"{first:.0%}", f"{whole:.0%}", f"{np.median(np.concatenate(width)):.1f}"]
         table.add_row(*cells, f"{low:.2f} to {high:.2f}")
     Console(width=160).print(table)

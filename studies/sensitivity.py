@@ -1,7 +1,7 @@
 """How the 3-DOF estimate depends on mu, rho, M, the rank of the trajectory space and the noise.
 
-Run with `make study-sensitivity` (under a minute); writes docs/sensitivity-study.md and docs/sensitivity-*.png.
-"""
+Run with `make study-sensitivity` (under a minute); writes docs/sensitivity-study.md and
+docs/sensitivity-*.png."""
 
 import sys
 from itertools import product
@@ -41,7 +41,9 @@ def errors(seed, noise, recorded, settings):
     for given in settings:
         given = BASE | given
         space = ddmhe.Truncated(given.pop("rank"))
-        x_hat = ddmhe.DdMhe(history, space=space, start="state", **given).run(record.y[case.T : -1]).x
+        x_hat = (
+            ddmhe.DdMhe(history, space=space, start="state", **given).run(record.y[case.T : -1]).x
+        )
         norm = np.rad2deg(np.linalg.norm(x_hat - record.x[case.T + 1 :], axis=1))
         found.append([np.sqrt(np.mean(norm[: round(span / case.DT)] ** 2)) for span in SPANS])
     return np.array(found)
@@ -59,7 +61,12 @@ def medians(progress, title, noise, recorded, settings):
     """Median over the seeds: (settings, spans)."""
     task = progress.add_task(title, total=len(SEEDS))
     found = in_parallel(
-        errors, SEEDS, lambda: progress.advance(task), noise=noise, recorded=recorded, settings=settings
+        errors,
+        SEEDS,
+        lambda: progress.advance(task),
+        noise=noise,
+        recorded=recorded,
+        settings=settings,
     )
     return np.median(found, axis=0)
 
@@ -68,7 +75,9 @@ def draw(name, rows, columns, values):
     """One figure with a panel per span."""
     panels = [(f"RMSE over {span:g} s", values[..., k]) for k, span in enumerate(SPANS)]
     labels = [(label, [f"{v:g}" for v in ticks]) for label, ticks in (rows, columns)]
-    report.save_figure(heat_figure(panels, *labels, "|omega error| (deg/s)"), DOCS / f"sensitivity-{name}.png")
+    report.save_figure(
+        heat_figure(panels, *labels, "|omega error| (deg/s)"), DOCS / f"sensitivity-{name}.png"
+    )
 
 
 def table(rows, columns, values):
@@ -76,7 +85,11 @@ def table(rows, columns, values):
     yield f"| {rows[0]} \\\\ {columns[0]} | " + " | ".join(f"{v:g}" for v in columns[1]) + " |"
     yield "|" + " --- |" * (len(columns[1]) + 1)
     for label, line in zip(rows[1], values, strict=True):
-        yield f"| {label:g} | " + " | ".join("/".join(f"{v:.2g}" for v in cell) for cell in line) + " |"
+        yield (
+            f"| {label:g} | "
+            + " | ".join("/".join(f"{v:.2g}" for v in cell) for cell in line)
+            + " |"
+        )
 
 
 def main():
@@ -96,14 +109,33 @@ def main():
             shape = (len(rows[1]), len(columns[1]), len(SPANS))
             values = medians(progress, name, 0.01, HISTORY_NOISE, grid).reshape(shape)
             draw(name, rows, columns, values)
-            lines += [f"## {name}", "", f"![{name}](sensitivity-{name}.png)", "", *table(rows, columns, values), ""]
-        for title, recorded in (("noise-rank", HISTORY_NOISE), ("noise-rank, recording without noise", 0.0)):
+            lines += [
+                f"## {name}",
+                "",
+                f"![{name}](sensitivity-{name}.png)",
+                "",
+                *table(rows, columns, values),
+                "",
+            ]
+        for title, recorded in (
+            ("noise-rank", HISTORY_NOISE),
+            ("noise-rank, recording without noise", 0.0),
+        ):
             grid = [{"rank": rank} for rank in RANKS]
-            values = np.stack([medians(progress, title, noise, recorded, grid) for noise in NOISES], axis=1)
+            values = np.stack(
+                [medians(progress, title, noise, recorded, grid) for noise in NOISES], axis=1
+            )
             name = title.replace(", ", "-").replace(" ", "-")
             rows, columns = ("rank", RANKS), ("torque noise (N m)", NOISES)
             draw(name, rows, columns, values)
-            lines += [f"## {title}", "", f"![{title}](sensitivity-{name}.png)", "", *table(rows, columns, values), ""]
+            lines += [
+                f"## {title}",
+                "",
+                f"![{title}](sensitivity-{name}.png)",
+                "",
+                *table(rows, columns, values),
+                "",
+            ]
     (DOCS / "sensitivity-study.md").write_text("\n".join(lines), encoding="utf-8")
     print("\n".join(lines))
 

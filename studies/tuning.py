@@ -1,12 +1,13 @@
-"""How good is `ddmhe.tune`? Its error against the best setting in hindsight, on data that the tuner never saw.
+"""How good is `ddmhe.tune`? Its error against the best setting in hindsight, on data that the tuner
+never saw.
 
-Run with `make study-tuning`; writes docs/tuning-study.md. The measured pendulum logs and brake curve take part if
-DDMHE_DATA, or ../shared/data beside the checkout, holds them. The cases are those of studies/defaults.py, with 30
-detumbling cases: five random targets, three levels of noise on the recorded states and two on the torque.
+Run with `make study-tuning`; writes docs/tuning-study.md. The measured pendulum logs and brake
+curve take part if DDMHE_DATA, or ../shared/data beside the checkout, holds them. The cases are
+those of studies/defaults.py, with 30 detumbling cases: five random targets, three levels of noise
+on the recorded states and two on the torque.
 
-Hindsight is the best of all settings that the tuner chose from, each span and case by itself, picked with the truth:
-no rule can reach it.
-"""
+Hindsight is the best of all settings that the tuner chose from, each span and case by itself,
+picked with the truth: no rule can reach it."""
 
 import os
 import sys
@@ -28,7 +29,10 @@ def cases():
     """(case, equilibrium) of every group."""
     noises = list(product((0, 1e-4, 5e-4), (0.01, 0.05)))
     rest = (np.zeros(3), np.zeros(3))
-    for group, targets in (("3-DOF, random targets", range(5)), ("3-DOF, held-out targets", range(20, 23))):
+    for group, targets in (
+        ("3-DOF, random targets", range(5)),
+        ("3-DOF, held-out targets", range(20, 23)),
+    ):
         for target, (sigma_x, sigma_y) in product(targets, noises):
             yield detumbling(group, random_target(target), sigma_x, sigma_y, 300 + target), rest
     yield from ((case, (np.zeros(1), np.zeros(1))) for case in spin_downs())
@@ -36,7 +40,8 @@ def cases():
 
 
 def judge(case, rest):
-    """Errors with the tuned settings and with the default rule, the best of the candidates, and the tuner's time."""
+    """Errors with the tuned settings and with the default rule, the best of the candidates, and the
+    tuner's time."""
     history = ddmhe.History(case.x, case.y)
 
     def run(settings):
@@ -67,7 +72,16 @@ def main():
         *result, time_taken = judge(case, rest)
         results.append(result)
         seconds.append(time_taken)
-    header = ["group", "cases", "error over", "setting", "median", "worst", "ratio to hindsight", "worst ratio"]
+    header = [
+        "group",
+        "cases",
+        "error over",
+        "setting",
+        "median",
+        "worst",
+        "ratio to hindsight",
+        "worst ratio",
+    ]
     lines = ["| " + " | ".join(header) + " |", "|" + " --- |" * len(header)]
     table = Table(*header, title="Tuning against hindsight")
     for group, count, name, setting, median, worst, _, ratio in rows(results):

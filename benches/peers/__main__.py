@@ -1,8 +1,8 @@
 """Times ddmhe beside every tool that a user could solve the same windows with: `make bench-peers`.
 
-One process, one thread. Rounds: in each, every contestant in a new order solves a block of consecutive windows; medians
-and 99th percentiles are over all windows of all rounds. Answers are compared before they are timed.
-"""
+One process, one thread. Rounds: in each, every contestant in a new order solves a block of
+consecutive windows; medians and 99th percentiles are over all windows of all rounds. Answers are
+compared before they are timed."""
 
 import os
 

@@ -1,8 +1,9 @@
-"""The problems: recordings, the estimator that solves them, and the same windows as quadratic programmes.
+"""The problems: recordings, the estimator that solves them, and the same windows as quadratic
+programmes.
 
-The reduction here is written anew in NumPy and shares nothing with the package: mean window and leading singular
-directions of the scaled recorded windows, then a QR decomposition of the weighted cost rows. What is left of (16), (17)
-at each step is
+The reduction here is written anew in NumPy and shares nothing with the package: mean window and
+leading singular directions of the scaled recorded windows, then a QR decomposition of the weighted
+cost rows. What is left of (16), (17) at each step is
 
     minimise 1/2 |t|^2  subject to  lower <= A t <= upper
 
@@ -23,7 +24,9 @@ RHO = 0.9
 
 def windows(x: Array, y: Array, depth: int) -> Array:
     """Interleaved windows x(0), y(0), …, x(depth) of a recording, one a column."""
-    rows = [np.hstack([x[k : k + depth], y[k : k + depth]]).ravel() for k in range(len(y) - depth + 1)]
+    rows = [
+        np.hstack([x[k : k + depth], y[k : k + depth]]).ravel() for k in range(len(y) - depth + 1)
+    ]
     return np.array([np.concatenate([row, x[k + depth]]) for k, row in enumerate(rows)]).T
 
 
@@ -72,12 +75,23 @@ class Case:
         return Reduced(self)
 
     def tightened(self) -> "Case":
-        """The same with a bound on the noise at which 2 to 6 bounds are active in the typical step, none infeasible."""
+        """The same with a bound on the noise at which 2 to 6 bounds are active in the typical step,
+        none infeasible."""
         low, high = 0.0, float(np.abs(self.outputs).max())
         tight = self
         for _ in range(40):
             bound = (low + high) / 2
-            trial = Case(self.name, self.x, self.y, self.horizon, self.rank, self.mu, self.outputs, bound, "active")
+            trial = Case(
+                self.name,
+                self.x,
+                self.y,
+                self.horizon,
+                self.rank,
+                self.mu,
+                self.outputs,
+                bound,
+                "active",
+            )
             log = trial.run()
             late = slice(trial.steps.start - 1, None)
             if (log.status[late] != "optimal").any() or np.median(log.active[late]) > 4:
@@ -90,13 +104,16 @@ class Case:
 
 
 class Reduced:
-    """The windows of a case as least-distance problems: A (m, r), lower and upper (steps, m); x from t."""
+    """The windows of a case as least-distance problems: A (m, r), lower and upper (steps, m); x
+    from t."""
 
     def __init__(self, case: Case) -> None:
         M, n, p = case.horizon, case.x.shape[1], case.y.shape[1]
         s_x = np.sqrt(((case.x - case.x.mean(0)) ** 2).mean())
         s_y = np.sqrt(((case.y - case.y.mean(0)) ** 2).mean())
-        scale = np.concatenate([np.tile(np.r_[np.full(n, s_x), np.full(p, s_y)], M), np.full(n, s_x)])
+        scale = np.concatenate(
+            [np.tile(np.r_[np.full(n, s_x), np.full(p, s_y)], M), np.full(n, s_x)]
+        )
         W = windows(case.x, case.y, M) / scale[:, None]
         mean = W.mean(1)
         B = np.linalg.svd(W - mean[:, None], full_matrices=False)[0][:, : case.rank]
@@ -104,7 +121,10 @@ class Reduced:
         y_rows = (block + n + np.arange(p)).ravel()
         x_rows = (np.arange(M + 1)[:, None] * (n + p) + np.arange(n)).ravel()
         mu = case.mu * (s_y / s_x) ** 2
-        weight = np.r_[np.full(n, np.sqrt(2 * RHO**M)), np.repeat(np.sqrt(mu * RHO ** np.arange(M - 1, -1, -1.0)), p)]
+        weight = np.r_[
+            np.full(n, np.sqrt(2 * RHO**M)),
+            np.repeat(np.sqrt(mu * RHO ** np.arange(M - 1, -1, -1.0)), p),
+        ]
         seen = np.r_[np.arange(n), y_rows]
         Q, R = np.linalg.qr(weight[:, None] * B[seen])
         A = B @ np.linalg.inv(R)
@@ -150,9 +170,9 @@ def cases(count: int) -> list[Case]:
         clean = model.simulate(round(20 + steps * 0.1, 1), 0.1)
         spread = float(np.std(clean.y[:200]))
         rng = np.random.default_rng(0)
-        recorded = clean.y[:200] + (0.02 * spread if noisy else 1e-6 * spread) * rng.standard_normal(
-            clean.y[:200].shape
-        )
+        recorded = clean.y[:200] + (
+            0.02 * spread if noisy else 1e-6 * spread
+        ) * rng.standard_normal(clean.y[:200].shape)
         online = clean.y[200 : 200 + steps]
         # bounded noise, so that bounds can cut much of it before they contradict each other
         online = online + 0.04 * spread * rng.uniform(-1, 1, online.shape)

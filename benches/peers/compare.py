@@ -23,7 +23,8 @@ from rich.console import Console
 from rich.progress import track
 
 OFF = 1e-6
-"""An answer further from ddmhe's than this, relative to the largest estimate of the case, counts as off."""
+"""An answer further from ddmhe's than this, relative to the largest estimate of the case, counts as
+off."""
 
 
 @dataclass
@@ -83,7 +84,8 @@ def timed(solve: Callable[[int], object], windows: range, count: int) -> Block:
 
 
 def own(case: Case) -> list[tuple[str, Block]]:
-    """ddmhe: a step from Python, with and without a new Estimate, and a whole log in the compiled loop."""
+    """ddmhe: a step from Python, with and without a new Estimate, and a whole log in the compiled
+    loop."""
     est, Y = case.estimator(), case.outputs
     x = np.empty(case.x.shape[1])
 
@@ -125,7 +127,12 @@ def daqp_library(case: Case, directory: Path) -> list[tuple[Result, Block]]:
         q = case.reduced
         errors = [np.abs(q.estimate(k, t[k]) - q.x_hat[k]).max() for k in range(len(t))]
         judge(result, np.array(errors) / np.abs(q.x_hat).max(), success)
-        found.append((result, lambda _, warm=warm: native.run(library, case.reduced, warm, 1e-11)[2].tolist()))
+        found.append(
+            (
+                result,
+                lambda _, warm=warm: native.run(library, case.reduced, warm, 1e-11)[2].tolist(),
+            )
+        )
     return found
 
 
@@ -136,7 +143,9 @@ def of(case: Case) -> tuple[str, str, float]:
 
 def prepared(case: Case, directory: Path, quick: bool) -> list[tuple[Result, Block]]:
     """All contestants on one case, answers compared."""
-    ready: list[tuple[Result, Block]] = [(Result(name, *of(case)), block) for name, block in own(case)]
+    ready: list[tuple[Result, Block]] = [
+        (Result(name, *of(case)), block) for name, block in own(case)
+    ]
     absent = []
     try:
         ready += daqp_library(case, directory)
@@ -155,7 +164,9 @@ def prepared(case: Case, directory: Path, quick: bool) -> list[tuple[Result, Blo
         except ImportError as error:
             absent.append(Result(name, *of(case), note=f"not installed: {error}"))
         except Exception as error:
-            absent.append(Result(name, *of(case), note=f"failed: {type(error).__name__}: {str(error)[:80]}"))
+            absent.append(
+                Result(name, *of(case), note=f"failed: {type(error).__name__}: {str(error)[:80]}")
+            )
     for name, build, count in (
         ("filterpy: Kalman filter", others.kalman, 100),
         ("do-mpc: MHE (IPOPT)", others.do_mpc, 3),
@@ -164,9 +175,13 @@ def prepared(case: Case, directory: Path, quick: bool) -> list[tuple[Result, Blo
             continue
         try:
             note = "another estimator, with an identified model"
-            ready.append((Result(name, *of(case), note=note), timed(build(case), case.steps, count)))
+            ready.append(
+                (Result(name, *of(case), note=note), timed(build(case), case.steps, count))
+            )
         except Exception as error:
-            absent.append(Result(name, *of(case), note=f"not run: {type(error).__name__}: {str(error)[:80]}"))
+            absent.append(
+                Result(name, *of(case), note=f"not run: {type(error).__name__}: {str(error)[:80]}")
+            )
     return ready + [(result, lambda _: []) for result in absent]
 
 
@@ -202,15 +217,16 @@ def machine() -> str:
         cpu = next(line.split(":")[1].strip() for line in lines if line.startswith("model name"))
     except (OSError, StopIteration):
         cpu = platform.processor()
-    return (
-        f"{cpu}, {os.cpu_count()} cores, {platform.system()} {platform.machine()}, Python {platform.python_version()}"
-    )
+    return f"{cpu}, {os.cpu_count()} cores, {platform.system()} {platform.machine()}, Python {platform.python_version()}"
 
 
 def versions() -> dict[str, str]:
     """Installed versions of all contestants."""
     names = ["ddmhe", "numpy", "scipy"]
-    names += [line.split("==")[0] for line in (Path(__file__).parent / "requirements.txt").read_text().split()]
+    names += [
+        line.split("==")[0]
+        for line in (Path(__file__).parent / "requirements.txt").read_text().split()
+    ]
     found = {}
     for name in names:
         try:
@@ -236,8 +252,15 @@ def silenced() -> Iterator[None]:
 
 
 @click.command()
-@click.option("--out", type=click.Path(path_type=Path), default=Path("target/peers"), help="Directory of peers.json.")
-@click.option("--docs", type=click.Path(path_type=Path), default=None, help="Markdown file to write.")
+@click.option(
+    "--out",
+    type=click.Path(path_type=Path),
+    default=Path("target/peers"),
+    help="Directory of peers.json.",
+)
+@click.option(
+    "--docs", type=click.Path(path_type=Path), default=None, help="Markdown file to write."
+)
 @click.option("--rounds", type=click.IntRange(1), default=9, show_default=True)
 @click.option("--quick", is_flag=True, help="Fast contestants only, three rounds.")
 def main(out: Path, docs: Path | None, rounds: int, quick: bool) -> None:
@@ -268,7 +291,9 @@ def main(out: Path, docs: Path | None, rounds: int, quick: bool) -> None:
         "rounds": rounds,
         "versions": versions(),
     }
-    (out / "peers.json").write_text(json.dumps({**facts, "results": [asdict(r) for r in results]}, indent=1))
+    (out / "peers.json").write_text(
+        json.dumps({**facts, "results": [asdict(r) for r in results]}, indent=1)
+    )
     body = [
         f"{facts['machine']}; {facts['date']}; {rounds} rounds, single-threaded.",
         "",

@@ -1,4 +1,5 @@
-"""Peers that are other estimators: they need a model, identified here from the same recording by least squares."""
+"""Peers that are other estimators: they need a model, identified here from the same recording by
+least squares."""
 
 import importlib
 from collections.abc import Callable
@@ -13,7 +14,10 @@ Estimate = Callable[[int], Array]
 def identified(case: Case) -> tuple[Array, Array, Array, Array]:
     """A, e, C, r of x(t+1) = A x(t) + e, y(t) = C x(t) + r."""
     X = np.column_stack([case.x[:-1], np.ones(len(case.y))])
-    step, output = np.linalg.lstsq(X, case.x[1:], rcond=None)[0], np.linalg.lstsq(X, case.y, rcond=None)[0]
+    step, output = (
+        np.linalg.lstsq(X, case.x[1:], rcond=None)[0],
+        np.linalg.lstsq(X, case.y, rcond=None)[0],
+    )
     return step[:-1].T, step[-1], output[:-1].T, output[-1]
 
 
@@ -37,7 +41,8 @@ def kalman(case: Case) -> Estimate:
 
 
 def do_mpc(case: Case) -> Estimate:
-    """do-mpc's moving horizon estimator (IPOPT) with this case's weights, horizon and bounds on the states."""
+    """do-mpc's moving horizon estimator (IPOPT) with this case's weights, horizon and bounds on the
+    states."""
     module = importlib.import_module("do_mpc")
     A, e, C, r = identified(case)
     n, p, M = len(A), len(C), case.horizon

@@ -1,4 +1,5 @@
-"""Peers on the reduced quadratic programme: functions that prepare a case and return one that solves its window k."""
+"""Peers on the reduced quadratic programme: functions that prepare a case and return one that
+solves its window k."""
 
 import importlib
 from collections.abc import Callable, Iterator
@@ -47,7 +48,9 @@ def piqp(q: Reduced, tolerance: float = 1e-8) -> Solve:
 
     def solve(k: int) -> tuple[Array | None, bool]:
         solver.update(h_l=q.lower[k], h_u=q.upper[k])
-        return np.array(solver.result.x) if (ok := solver.solve() == module.PIQP_SOLVED) else None, ok
+        return np.array(solver.result.x) if (
+            ok := solver.solve() == module.PIQP_SOLVED
+        ) else None, ok
 
     return solve
 
@@ -121,7 +124,9 @@ def qpoases(q: Reduced) -> Solve:
     n = q.A.shape[1]
     H, A = ca.DM.eye(n), ca.DM(q.A)
     options = {"printLevel": "none", "error_on_fail": False}
-    solver = ca.conic("solver", "qpoases", {"h": ca.Sparsity.dense(n, n), "a": A.sparsity()}, options)
+    solver = ca.conic(
+        "solver", "qpoases", {"h": ca.Sparsity.dense(n, n), "a": A.sparsity()}, options
+    )
     H = ca.DM(np.eye(n))
 
     def solve(k: int) -> tuple[Array | None, bool]:
@@ -150,7 +155,8 @@ def cvxpy_reduced(q: Reduced, solver: str) -> Solve:
 
 
 def cvxpy_verbatim(case: Case, solver: str) -> Solve:
-    """Cvxpy on (16) as printed, over alpha, every direction of the data: another estimator where the rank is cut."""
+    """Cvxpy on (16) as printed, over alpha, every direction of the data: another estimator where
+    the rank is cut."""
     cp = importlib.import_module("cvxpy")
     q, M = case.reduced, case.horizon
     n, p = case.x.shape[1], case.y.shape[1]
@@ -161,7 +167,9 @@ def cvxpy_verbatim(case: Case, solver: str) -> Solve:
     weight = np.sqrt(case.mu * np.repeat(0.9 ** np.arange(M - 1, -1, -1.0), p))
     cost = 2 * 0.9**M * cp.sum_squares(x[:n] - prior) + cp.sum_squares(cp.multiply(weight, v))
     bound = min(case.v_bound, 1e3)
-    problem = cp.Problem(cp.Minimize(cost), [cp.sum(alpha) == 1, cp.abs(x) <= 1e3, cp.abs(v) <= bound])
+    problem = cp.Problem(
+        cp.Minimize(cost), [cp.sum(alpha) == 1, cp.abs(x) <= 1e3, cp.abs(v) <= bound]
+    )
 
     def solve(k: int) -> tuple[Array | None, bool]:
         step = case.steps[k]
@@ -174,7 +182,9 @@ def cvxpy_verbatim(case: Case, solver: str) -> Solve:
             return None, False
         # so that A_x t + x_free is its estimate
         x_hat = (H_x @ alpha.value)[-n:]
-        return np.linalg.lstsq(q.A_x, x_hat - q.x_free[k], rcond=None)[0], problem.status == "optimal"
+        return np.linalg.lstsq(q.A_x, x_hat - q.x_free[k], rcond=None)[
+            0
+        ], problem.status == "optimal"
 
     return solve
 
@@ -208,4 +218,8 @@ def contestants(case: Case) -> Iterator[tuple[str, Callable[[], Solve], int]]:
     for solver in ("CLARABEL", "OSQP", "SCS"):
         yield f"cvxpy, reduced, {solver}", lambda solver=solver: cvxpy_reduced(q, solver), 3
     for solver in ("CLARABEL", "OSQP", "SCS"):
-        yield f"cvxpy, (16) verbatim, {solver}", lambda solver=solver: cvxpy_verbatim(case, solver), 1
+        yield (
+            f"cvxpy, (16) verbatim, {solver}",
+            lambda solver=solver: cvxpy_verbatim(case, solver),
+            1,
+        )

@@ -1,8 +1,8 @@
 """Estimate the state of a system from its outputs and one recording, with no model.
 
-The recording, a `History` of states and outputs taken together, stands in for the model through Willems'
-fundamental lemma. `DdMhe` solves a small constrained optimisation over a moving window at every sample
-(data-driven moving horizon estimation; Liu et al. 2026, arXiv 2301.05351):
+The recording, a `History` of states and outputs taken together, stands in for the model through
+Willems' fundamental lemma. `DdMhe` solves a small constrained optimisation over a moving window at
+every sample (data-driven moving horizon estimation; Liu et al. 2026, arXiv 2301.05351):
 
 >>> import ddmhe
 >>> record = ddmhe.models.detumbling().simulate(duration=120.0, dt=0.1, noise=0.01)
@@ -10,9 +10,9 @@ fundamental lemma. `DdMhe` solves a small constrained optimisation over a moving
 >>> estimator = ddmhe.DdMhe(history)
 >>> estimate = estimator.step(record.y[200])   # estimate.x is the state at sample 201
 
-Arrays are float64 and time-major: row k is sample k. Wrong inputs raise `DdmheError` (a `ValueError`) or one of its
-kinds; what the optimisation finds is `Estimate.status`, never an exception.
-"""
+Arrays are float64 and time-major: row k is sample k. Wrong inputs raise `DdmheError` (a
+`ValueError`) or one of its kinds; what the optimisation finds is `Estimate.status`, never an
+exception."""
 
 from importlib import import_module as _import_module
 from importlib.metadata import version as _version
@@ -44,9 +44,13 @@ if TYPE_CHECKING:
 
 __version__ = _version("ddmhe")
 
-# Loaded on first use, as cvxpy is by what runs a programme: they take longer to import than an estimator to build.
+# Loaded on first use, as cvxpy is by what runs a programme: they take longer to import than an
+# estimator to build.
 _MODULES = ("baselines", "design", "interval", "report")
-_LAZY = {name: f"ddmhe.{name}" for name in _MODULES} | {"tune": "ddmhe.tuning", "Tuning": "ddmhe.tuning"}
+_LAZY = {name: f"ddmhe.{name}" for name in _MODULES} | {
+    "tune": "ddmhe.tuning",
+    "Tuning": "ddmhe.tuning",
+}
 
 
 def __getattr__(name: str) -> Any:

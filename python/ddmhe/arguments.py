@@ -38,18 +38,24 @@ MOST = 2**63 - 1
 def array(name: str, value: ArrayLike, shape: tuple[int, ...], *, missing: bool = False) -> Array:
     """Real numbers as a float64 array of the shape, -1 for any length; a copy.
 
-    Masked entries, None and pandas.NA are NaN where they may be `missing`, else NotFiniteError; NaN and infinity pass.
-    """
+    Masked entries, None and pandas.NA are NaN where they may be `missing`, else NotFiniteError; NaN
+    and infinity pass."""
     found = numbers(name, value, missing)
-    fits = found.ndim == len(shape) and all(s in (-1, length) for s, length in zip(shape, found.shape, strict=True))
+    fits = found.ndim == len(shape) and all(
+        s in (-1, length) for s, length in zip(shape, found.shape, strict=True)
+    )
     if not fits:
         wanted = "a single number" if not shape else f"shape {_words(shape)}"
-        raise ShapeError(f"{name}: expected {wanted}, found {'a single number' if not found.ndim else found.shape}")
+        raise ShapeError(
+            f"{name}: expected {wanted}, found {'a single number' if not found.ndim else found.shape}"
+        )
     return found
 
 
 def _words(shape: tuple[int, ...]) -> str:
-    return f"({', '.join('any' if s < 0 else str(s) for s in shape)}{',' if len(shape) == 1 else ''})"
+    return (
+        f"({', '.join('any' if s < 0 else str(s) for s in shape)}{',' if len(shape) == 1 else ''})"
+    )
 
 
 def check_finite(name: str, M: Array) -> None:
@@ -61,7 +67,8 @@ def check_finite(name: str, M: Array) -> None:
 
 
 def check_number(name: str, value: Any, expected: str, fits: Callable[[float], bool]) -> None:
-    """DdmheError naming the argument unless the value is a finite real number that fits; True and False are none."""
+    """DdmheError naming the argument unless the value is a finite real number that fits; True and
+    False are none."""
     if not math.isfinite(_real(value)) or not fits(_real(value)):
         raise DdmheError(f"{name}: expected {expected}, found {shown(value)}")
 
@@ -76,8 +83,11 @@ def _real(value: Any) -> float:
         return math.inf
 
 
-def check_whole(name: str, value: Any, least: int = 1, most: int = MOST, expected: str = "") -> None:
-    """DdmheError naming the argument unless the value is a whole number from `least` to `most`; True is none.
+def check_whole(
+    name: str, value: Any, least: int = 1, most: int = MOST, expected: str = ""
+) -> None:
+    """DdmheError naming the argument unless the value is a whole number from `least` to `most`;
+    True is none.
 
     expected : how the expectation reads, where more can be said than these numbers
     """
@@ -94,7 +104,8 @@ def check_flag(name: str, value: Any) -> None:
 
 
 def check_path(name: str, value: Any) -> None:
-    """DdmheError naming the argument unless the value is a text or a path; a number would be an open file."""
+    """DdmheError naming the argument unless the value is a text or a path; a number would be an
+    open file."""
     if not isinstance(value, str | os.PathLike) or "\0" in str(value):
         raise DdmheError(f"{name}: expected the path of a file, found {shown(value)}")
 
@@ -114,7 +125,9 @@ def check_kind(name: str, value: Any, kind: type[T], words: str) -> T:
 def choice(name: str, value: Any, known: Any) -> Any:
     """The value, one of the texts that are known; DdmheError naming the argument for any other."""
     if not isinstance(value, str) or value not in known:
-        raise DdmheError(f"{name}: expected one of {', '.join(map(str, known))}, found {shown(value)}")
+        raise DdmheError(
+            f"{name}: expected one of {', '.join(map(str, known))}, found {shown(value)}"
+        )
     return value
 
 

@@ -1,4 +1,5 @@
-"""The command line: read, estimate, print, write. One clear line on stderr and exit code 2 for any wrong input."""
+"""The command line: read, estimate, print, write. One clear line on stderr and exit code 2 for any
+wrong input."""
 
 from __future__ import annotations
 
@@ -31,10 +32,13 @@ FIGURES = (".png", ".pdf", ".svg")
 
 
 def main() -> NoReturn:
-    """Entry point. Exits 0 on success, 2 on wrong usage or input with one line on stderr, 130 on Ctrl-C."""
+    """Entry point. Exits 0 on success, 2 on wrong usage or input with one line on stderr, 130 on
+    Ctrl-C."""
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
-            stream.reconfigure(errors="replace")  # a terminal that lacks a character must not end the run
+            stream.reconfigure(
+                errors="replace"
+            )  # a terminal that lacks a character must not end the run
     try:
         sys.exit(cli.main(prog_name="ddmhe", standalone_mode=False))
     except click.Abort:
@@ -44,7 +48,9 @@ def main() -> NoReturn:
     except DdmheError as e:
         _fail(str(e))
     except OSError as e:
-        _fail(f"{e.filename or 'a file'}: expected to be able to read or write it, found: {e.strerror or e}")
+        _fail(
+            f"{e.filename or 'a file'}: expected to be able to read or write it, found: {e.strerror or e}"
+        )
 
 
 def _fail(message: str) -> NoReturn:
@@ -62,7 +68,9 @@ def _names(ctx: click.Context, param: click.Parameter, value: str | None) -> tup
     return names
 
 
-def _numbers(ctx: click.Context, param: click.Parameter, value: str | None) -> tuple[float, ...] | None:
+def _numbers(
+    ctx: click.Context, param: click.Parameter, value: str | None
+) -> tuple[float, ...] | None:
     """Finite numbers from a comma-separated list."""
     if value is None:
         return None
@@ -78,7 +86,9 @@ def _radius(ctx: click.Context, param: click.Parameter, value: str | None) -> Ar
         return None
     found = np.array(_parsed(value))
     if not found.size:
-        raise click.BadParameter(f"expected a number, or one a column parted by commas, found {value!r}")
+        raise click.BadParameter(
+            f"expected a number, or one a column parted by commas, found {value!r}"
+        )
     return found[0] if len(found) == 1 else found
 
 
@@ -93,16 +103,40 @@ def _parsed(value: str) -> tuple[float, ...]:
 def reading_options(required: bool) -> Callable[[Any], Any]:
     """How to read a log; `required`: whether its columns and its history must be named."""
     options: list[Callable[[Any], Any]] = [
-        click.option("--state", callback=_names, required=required, metavar="C1,C2,...", help="Columns of the state."),
         click.option(
-            "--output", callback=_names, required=required, metavar="C1,C2,...", help="Columns of the output."
+            "--state",
+            callback=_names,
+            required=required,
+            metavar="C1,C2,...",
+            help="Columns of the state.",
         ),
-        click.option("--history", type=float, required=required, help="Length of the recording to learn from, s."),
+        click.option(
+            "--output",
+            callback=_names,
+            required=required,
+            metavar="C1,C2,...",
+            help="Columns of the output.",
+        ),
+        click.option(
+            "--history",
+            type=float,
+            required=required,
+            help="Length of the recording to learn from, s.",
+        ),
         click.option("--time", metavar="NAME", help="Column of the time, s.  [default: the first]"),
         click.option(
-            "--start", type=float, help="Where the recording begins, s of the log's clock.  [default: first row]"
+            "--start",
+            type=float,
+            help="Where the recording begins, s of the log's clock.  [default: first row]",
         ),
-        click.option("--decimate", type=int, default=1, show_default=True, metavar="K", help="Keep every K-th row."),
+        click.option(
+            "--decimate",
+            type=int,
+            default=1,
+            show_default=True,
+            metavar="K",
+            help="Keep every K-th row.",
+        ),
         click.option(
             "--gaps",
             type=click.Choice(["error", "fill"]),
@@ -111,10 +145,16 @@ def reading_options(required: bool) -> Callable[[Any], Any]:
             help="A gap in the log: take the lacking samples as not measured, or refuse the log.",
         ),
         click.option(
-            "--missing", callback=_numbers, metavar="V1,V2,...", help="Numbers that say not measured, like -9999."
+            "--missing",
+            callback=_numbers,
+            metavar="V1,V2,...",
+            help="Numbers that say not measured, like -9999.",
         ),
         click.option(
-            "--unwrap", callback=_names, metavar="C1,C2,...", help="Angles that jump by a turn: go on instead."
+            "--unwrap",
+            callback=_names,
+            metavar="C1,C2,...",
+            help="Angles that jump by a turn: go on instead.",
         ),
     ]
 
@@ -128,16 +168,21 @@ def reading_options(required: bool) -> Callable[[Any], Any]:
 
 def log_options(command: Any) -> Any:
     """The log and how to read it: what every command that takes a log has."""
-    return click.argument("log", type=click.Path(path_type=Path))(reading_options(required=True)(command))
+    return click.argument("log", type=click.Path(path_type=Path))(
+        reading_options(required=True)(command)
+    )
 
 
 def _read(log: Path, given: dict[str, Any]) -> tuple[Log, Split]:
-    """The samples of a log and their split after the history; takes the options of `log_options` out of `given`.
+    """The samples of a log and their split after the history; takes the options of `log_options`
+    out of `given`.
 
     What sits oddly in a column is pointed out on stderr.
     """
     columns = [given.pop(name) for name in ("state", "output", "time", "start", "decimate")]
-    samples = read_log(log, *columns, missing=given.pop("missing") or (), unwrap=given.pop("unwrap"))
+    samples = read_log(
+        log, *columns, missing=given.pop("missing") or (), unwrap=given.pop("unwrap")
+    )
     for sentence in _oddities(samples):
         _warn(sentence)
     samples = samples.fill_gaps() if given.pop("gaps") == "fill" else samples
@@ -150,7 +195,9 @@ SHOWN = 3
 
 def _oddities(log: Log) -> Iterator[str]:
     """What sits oddly in the columns of a log, in words that name the option for it."""
-    columns = dict(zip(log.names.state, log.x.T, strict=True)) | dict(zip(log.names.output, log.y.T, strict=True))
+    columns = dict(zip(log.names.state, log.x.T, strict=True)) | dict(
+        zip(log.names.output, log.y.T, strict=True)
+    )
     for name, values in columns.items():
         rows = far_out(values)
         if rows.size:
@@ -193,18 +240,32 @@ def _warn(sentence: str) -> None:
 @click.group(no_args_is_help=False, context_settings={"help_option_names": ["-h", "--help"]})
 @click.version_option(package_name="ddmhe", prog_name="ddmhe")
 def cli() -> None:
-    """Data-driven moving horizon estimation: the state of a system from its outputs and one recording, no model."""
+    """Data-driven moving horizon estimation: the state of a system from its outputs and one
+    recording, no model."""
 
 
 @cli.command()
-@click.option("--out", type=click.Path(path_type=Path), default=Path("ddmhe-demo"), show_default=True, metavar="DIR")
-@click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Seed of the torque noise.")
+@click.option(
+    "--out",
+    type=click.Path(path_type=Path),
+    default=Path("ddmhe-demo"),
+    show_default=True,
+    metavar="DIR",
+)
+@click.option(
+    "--seed",
+    type=click.IntRange(min=0),
+    default=0,
+    show_default=True,
+    help="Seed of the torque noise.",
+)
 @click.option("--noise", type=float, default=0.01, show_default=True, help="Torque noise, N m.")
 def demo(out: Path, seed: int, noise: float) -> None:
-    """Estimate the spin of a tumbling satellite from the braking torque alone (the paper's 3-DOF case).
+    """Estimate the spin of a tumbling satellite from the braking torque alone (the paper's 3-DOF
+    case).
 
-    Records 20 s, estimates the next 100 s step by step, and writes estimate.csv and estimate.png into DIR.
-    """
+    Records 20 s, estimates the next 100 s step by step, and writes estimate.csv and estimate.png
+    into DIR."""
     console = Console()
     with Progress(console=console, disable=not console.is_terminal, transient=True) as progress:
         task = progress.add_task("estimating", total=demo_case.STEPS * len(demo_case.SETTINGS))
@@ -218,24 +279,46 @@ def demo(out: Path, seed: int, noise: float) -> None:
 
 @cli.command()
 @log_options
-@click.option("--out", type=click.Path(path_type=Path), metavar="FILE.csv|DIR", help="Where the estimates go.")
-@click.option("--plot", type=click.Path(path_type=Path), metavar="FILE.png", help="Where a figure goes.")
-@click.option("--config", type=click.Path(path_type=Path), metavar="FILE.toml", help="Settings; keys as in DdMhe.")
+@click.option(
+    "--out", type=click.Path(path_type=Path), metavar="FILE.csv|DIR", help="Where the estimates go."
+)
+@click.option(
+    "--plot", type=click.Path(path_type=Path), metavar="FILE.png", help="Where a figure goes."
+)
+@click.option(
+    "--config",
+    type=click.Path(path_type=Path),
+    metavar="FILE.toml",
+    help="Settings; keys as in DdMhe.",
+)
 @click.option("--horizon", type=int, help="Horizon M, samples.  [default: from the recording]")
-@click.option("--rho", type=float, help="Discount per sample, in (0, 1).  [default: from the recording]")
+@click.option(
+    "--rho", type=float, help="Discount per sample, in (0, 1).  [default: from the recording]"
+)
 @click.option("--mu", type=float, help="Weight on the fitted noise.  [default: from the recording]")
-@click.option("--space", metavar="auto|exact|truncated:RANK|ridge:WEIGHT", help="Which windows count as trajectories.")
+@click.option(
+    "--space",
+    metavar="auto|exact|truncated:RANK|ridge:WEIGHT",
+    help="Which windows count as trajectories.",
+)
 @click.option(
     "--start-from",
     type=click.Choice(["auto", "recording", "state", "unknown"]),
     help="The recording's end, a state (x_prior, or the last recorded one), or anywhere.  [default: auto: recording]",
 )
-@click.option("--warm-start/--no-warm-start", default=None, help="The old names of --start-from recording and state.")
-def estimate(log: Path, out: Path | None, plot: Path | None, config: Path | None, **given: Any) -> None:
-    """Estimate the states of a CSV log from its outputs, after a history in which both were recorded.
+@click.option(
+    "--warm-start/--no-warm-start",
+    default=None,
+    help="The old names of --start-from recording and state.",
+)
+def estimate(
+    log: Path, out: Path | None, plot: Path | None, config: Path | None, **given: Any
+) -> None:
+    """Estimate the states of a CSV log from its outputs, after a history in which both were
+    recorded.
 
-    Writes the time column and one column per state, and prints the errors where the log holds the states.
-    """
+    Writes the time column and one column per state, and prints the errors where the log holds the
+    states."""
     csv, figure = _targets(log, out, plot)
     from_file = {} if config is None else read_config(config)
     for key in READING:
@@ -265,15 +348,38 @@ def estimate(log: Path, out: Path | None, plot: Path | None, config: Path | None
 
 @cli.command()
 @log_options
-@click.option("--out", type=click.Path(path_type=Path), default=Path("ddmhe-design"), show_default=True, metavar="DIR")
-@click.option("--radius", type=float, default=0.9, show_default=True, help="Disc for Algorithm 2's poles, in (0, 1).")
+@click.option(
+    "--out",
+    type=click.Path(path_type=Path),
+    default=Path("ddmhe-design"),
+    show_default=True,
+    metavar="DIR",
+)
+@click.option(
+    "--radius",
+    type=float,
+    default=0.9,
+    show_default=True,
+    help="Disc for Algorithm 2's poles, in (0, 1).",
+)
 @click.option("--eta", type=float, help="Discount of the certificate, in (0, 1).  [default: 0.95]")
-@click.option("--condition", type=float, help="Bound on cond P; alone, it asks for the smallest eta.")
-@click.option("--noise-x", type=float, default=0.0, help="Errors of the recorded states: a robust certificate.")
+@click.option(
+    "--condition", type=float, help="Bound on cond P; alone, it asks for the smallest eta."
+)
+@click.option(
+    "--noise-x",
+    type=float,
+    default=0.0,
+    help="Errors of the recorded states: a robust certificate.",
+)
 @click.option("--noise-y", type=float, default=0.0, help="Errors of the recorded outputs.")
 @click.option("--noise-w", type=float, default=0.0, help="Process noise during the recording.")
-@click.option("--noise-kind", type=click.Choice(["bounded", "gaussian"]), default="bounded", show_default=True)
-def design(log: Path, out: Path, radius: float, eta: float | None, condition: float | None, **given: Any) -> None:
+@click.option(
+    "--noise-kind", type=click.Choice(["bounded", "gaussian"]), default="bounded", show_default=True
+)
+def design(
+    log: Path, out: Path, radius: float, eta: float | None, condition: float | None, **given: Any
+) -> None:
     """Stability from a recording: Algorithm 2 with its limits, and a certificate for the estimator.
 
     Writes design.toml, which `estimate --config` accepts, and poles.png into DIR.
@@ -284,7 +390,9 @@ def design(log: Path, out: Path, radius: float, eta: float | None, condition: fl
     _, split = _read(log, given)
     noise = None
     if any(given[f"noise_{name}"] != 0 for name in "xyw"):
-        noise = designs.RecordingNoise(given["noise_x"], given["noise_y"], given["noise_w"], given["noise_kind"])
+        noise = designs.RecordingNoise(
+            given["noise_x"], given["noise_y"], given["noise_w"], given["noise_kind"]
+        )
     model = designs.identify(split.history)
     placement = designs.pole_placement(split.history, radius)
     certificate = designs.ioss(split.history, eta, condition=condition, noise=noise)
@@ -293,7 +401,9 @@ def design(log: Path, out: Path, radius: float, eta: float | None, condition: fl
     write_config(written[0], {"certificate": certificate})
     report.save_figure(pole_figure(model, placement), written[1])
     console = Console()
-    console.print(report.design(f"Design from {log.name}", split.history, model, placement, certificate))
+    console.print(
+        report.design(f"Design from {log.name}", split.history, model, placement, certificate)
+    )
     for words in (placement.words, certificate.words):
         console.print(words, markup=False, highlight=False)
     _print_written(console, written)
@@ -301,16 +411,24 @@ def design(log: Path, out: Path, radius: float, eta: float | None, condition: fl
 
 @cli.command()
 @log_options
-@click.option("--out", type=click.Path(path_type=Path), default=Path("ddmhe-tune"), show_default=True, metavar="DIR")
+@click.option(
+    "--out",
+    type=click.Path(path_type=Path),
+    default=Path("ddmhe-tune"),
+    show_default=True,
+    metavar="DIR",
+)
 @click.option("--output-noise", type=float, help="Standard deviation of the online outputs' noise.")
-@click.option("--rest", is_flag=True, help="x = 0, y = 0 is a rest of the system: try it as an equilibrium.")
+@click.option(
+    "--rest", is_flag=True, help="x = 0, y = 0 is a rest of the system: try it as an equilibrium."
+)
 def tune(log: Path, out: Path, output_noise: float | None, rest: bool, **given: Any) -> None:
     """Settings from a recording alone, chosen on parts of it that the estimator has not seen.
 
-    Prints for each state what error to expect and whether the recording shows the settings to be better than the
-    default rule's. Writes tune.toml, which `estimate --config` accepts and which holds nothing but the start where the
-    default rule is kept, the scores as tune.csv and tune.png into DIR.
-    """
+    Prints for each state what error to expect and whether the recording shows the settings to be
+    better than the default rule's. Writes tune.toml, which `estimate --config` accepts and which
+    holds nothing but the start where the default rule is kept, the scores as tune.csv and tune.png
+    into DIR."""
     from ddmhe.plot import tuning_figure
     from ddmhe.tuning import tune as tuned
 
@@ -330,7 +448,11 @@ def tune(log: Path, out: Path, output_noise: float | None, rest: bool, **given: 
     write_file(written[1], lambda beside: found.table.to_csv(beside, index=False))
     report.save_figure(tuning_figure(found.table), written[2])
     console = Console()
-    console.print(report.scores(f"Settings for {log.name}, the ten best of {len(found.table)}", found.table.head(10)))
+    console.print(
+        report.scores(
+            f"Settings for {log.name}, the ten best of {len(found.table)}", found.table.head(10)
+        )
+    )
     names = samples.names.state
     console.print(report.promise("What to expect, by held-out ends of the recording", found, names))
     console.print(found.words, markup=False, highlight=False)
@@ -344,25 +466,40 @@ def tune(log: Path, out: Path, output_noise: float | None, rest: bool, **given: 
 @click.argument("log", metavar="pendulum|LOG")
 @reading_options(required=False)
 @click.option(
-    "--w-radius", callback=_radius, metavar="R|R1,R2,...", help="Bound on |x(k+1) - A x(k) - e|, units of the states."
+    "--w-radius",
+    callback=_radius,
+    metavar="R|R1,R2,...",
+    help="Bound on |x(k+1) - A x(k) - e|, units of the states.",
 )
 @click.option(
-    "--v-radius", callback=_radius, metavar="R|R1,R2,...", help="Bound on |y(k) - C x(k) - r|, units of the outputs."
+    "--v-radius",
+    callback=_radius,
+    metavar="R|R1,R2,...",
+    help="Bound on |y(k) - C x(k) - r|, units of the outputs.",
 )
 @click.option(
-    "--kappa", type=float, default=1.1, show_default=True, help="Without radii: times the smallest that the log admits."
+    "--kappa",
+    type=float,
+    default=1.1,
+    show_default=True,
+    help="Without radii: times the smallest that the log admits.",
 )
 @click.option("--accept-wide", is_flag=True, help="Write bounds that say little, too.")
 @click.option(
-    "--out", type=click.Path(path_type=Path), default=Path("ddmhe-interval"), show_default=True, metavar="DIR"
+    "--out",
+    type=click.Path(path_type=Path),
+    default=Path("ddmhe-interval"),
+    show_default=True,
+    metavar="DIR",
 )
 def interval_command(log: str, out: Path, **given: Any) -> None:
-    """Guaranteed intervals: of the interval paper's pendulum, or of a LOG's states after its history.
+    """Guaranteed intervals: of the interval paper's pendulum, or of a LOG's states after its
+    history.
 
-    pendulum: gain, gains in the peak, widths of every method, both figures of the paper with ours beside it. LOG: an
-    interval observer for every affine system that the history allows with the stated bounds on its noise, and a
-    verdict: the width against the recorded range. Bounds wider than half of it are refused with exit code 2.
-    """
+    pendulum: gain, gains in the peak, widths of every method, both figures of the paper with ours
+    beside it. LOG: an interval observer for every affine system that the history allows with the
+    stated bounds on its noise, and a verdict: the width against the recorded range. Bounds wider
+    than half of it are refused with exit code 2."""
     if log == "pendulum":
         _interval_pendulum(out)
     else:
@@ -401,10 +538,14 @@ def _interval_log(log: Path, out: Path, given: dict[str, Any]) -> None:
     bounds = model.observer().run(split.Y)
     if bounds.violation is not None:
         at = f"at {split.t[len(bounds)]:g} s {bounds.violation}"
-        raise DdmheError(f"--w-radius, --v-radius: expected bounds that the whole log keeps, found {at}")
+        raise DdmheError(
+            f"--w-radius, --v-radius: expected bounds that the whole log keeps, found {at}"
+        )
     verdict = judge(bounds.lower, bounds.upper, (model.lower, model.upper), split.t, names[0])
     console = Console()
-    console.print(report.table(f"Intervals of {log.name}", {"": _interval_rows(model, bounds, split, names)}))
+    console.print(
+        report.table(f"Intervals of {log.name}", {"": _interval_rows(model, bounds, split, names)})
+    )
     for words in (model.words, f"verdict: {verdict.words}"):
         console.print(words, markup=False, highlight=False, soft_wrap=True)
     if not (verdict.useful or given["accept_wide"]):
@@ -416,12 +557,16 @@ def _interval_log(log: Path, out: Path, given: dict[str, Any]) -> None:
     _print_written(console, _write_intervals(out, samples, split, bounds))
 
 
-def _interval_rows(model: Any, bounds: Any, split: Split, names: tuple[tuple[str, ...], tuple[str, ...]]) -> Any:
+def _interval_rows(
+    model: Any, bounds: Any, split: Split, names: tuple[tuple[str, ...], tuple[str, ...]]
+) -> Any:
     """What the table of `interval LOG` shows."""
     with np.errstate(over="ignore"):
         width = np.median(bounds.upper - bounds.lower, axis=0)
     sizes = [f"{value:.4g}" if np.isfinite(value) else "no finite bound" for value in width]
-    rows = {f"median full width of {name}": size for name, size in zip(names[0], sizes, strict=True)}
+    rows = {
+        f"median full width of {name}": size for name, size in zip(names[0], sizes, strict=True)
+    }
     for argument, called, radius, least in (
         ("w-radius", names[0], model.w_radius, model.w_least),
         ("v-radius", names[1], model.v_radius, model.v_least),
@@ -431,12 +576,15 @@ def _interval_rows(model: Any, bounds: Any, split: Split, names: tuple[tuple[str
     if split.x_true is not None:
         known = np.isfinite(split.x_true)
         out_of = ((split.x_true < bounds.lower) | (split.x_true > bounds.upper)) & known
-        rows["samples of the log outside"] = f"{int(out_of.any(axis=1).sum())} of {int(known.all(axis=1).sum())}"
+        rows["samples of the log outside"] = (
+            f"{int(out_of.any(axis=1).sum())} of {int(known.all(axis=1).sum())}"
+        )
     return rows
 
 
 def _write_intervals(out: Path, samples: Log, split: Split, bounds: Any) -> list[Path]:
-    """interval.csv, with empty cells where no finite bound is known, and interval.png if there is anything to draw."""
+    """interval.csv, with empty cells where no finite bound is known, and interval.png if there is
+    anything to draw."""
     from ddmhe.plot import intervals_figure
 
     written = [out / "interval.csv"]
@@ -450,7 +598,9 @@ def _write_intervals(out: Path, samples: Log, split: Split, bounds: Any) -> list
     if drawn:
         truth = np.full_like(bounds.lower, np.nan) if split.x_true is None else split.x_true
         labels = [f"{name} (unit of the log)" for name in names]
-        figure = intervals_figure(split.t, truth, {"interval": (bounds.lower, bounds.upper)}, labels)
+        figure = intervals_figure(
+            split.t, truth, {"interval": (bounds.lower, bounds.upper)}, labels
+        )
         written.append(out / "interval.png")
         report.save_figure(figure, written[1])
     return written
@@ -459,21 +609,37 @@ def _write_intervals(out: Path, samples: Log, split: Split, bounds: Any) -> list
 @cli.command()
 @click.argument("name", metavar="NAME|all|real")
 @click.option(
-    "--out", type=click.Path(path_type=Path), default=Path("ddmhe-reproduce"), show_default=True, metavar="DIR"
+    "--out",
+    type=click.Path(path_type=Path),
+    default=Path("ddmhe-reproduce"),
+    show_default=True,
+    metavar="DIR",
 )
-@click.option("--data", type=click.Path(path_type=Path), help="real: where the logs are.  [default: DDMHE_DATA]")
+@click.option(
+    "--data",
+    type=click.Path(path_type=Path),
+    help="real: where the logs are.  [default: DDMHE_DATA]",
+)
 def reproduce(name: str, out: Path, data: Path | None) -> None:
     """The experiments of the papers again: figures, series, and a verdict on each claim.
 
-    NAME: bench-nominal, bench-noise, bench-disturbance, bench-both (Figs. 2 to 5), bench-mu (Fig. 6), detumbling
-    (Figs. 7 and 8), design (rho0 and mu0), pendulum (the interval paper), all; or real, every estimator on measured
-    pendulum logs. Writes PNG, SVG, CSV, tables.md and claims.md into DIR.
-    """
-    from ddmhe.reproduce import EXPERIMENTS, pendulum_logs, reproduce_real, run_experiment, verdicts, write_claims
+    NAME: bench-nominal, bench-noise, bench-disturbance, bench-both (Figs. 2 to 5), bench-mu (Fig.
+    6), detumbling (Figs. 7 and 8), design (rho0 and mu0), pendulum (the interval paper), all; or
+    real, every estimator on measured pendulum logs. Writes PNG, SVG, CSV, tables.md and claims.md
+    into DIR."""
+    from ddmhe.reproduce import (
+        EXPERIMENTS,
+        pendulum_logs,
+        reproduce_real,
+        run_experiment,
+        verdicts,
+        write_claims,
+    )
 
     if name not in (*EXPERIMENTS, "all", "real"):
         raise click.BadParameter(
-            f"expected one of {', '.join(EXPERIMENTS)}, all, real, found {name!r}", param_hint="NAME"
+            f"expected one of {', '.join(EXPERIMENTS)}, all, real, found {name!r}",
+            param_hint="NAME",
         )
     console = Console(width=None if sys.stdout.isatty() else 160)
     claims: list[Any] = []
@@ -495,7 +661,8 @@ def reproduce(name: str, out: Path, data: Path | None) -> None:
         for each in names:
             task = progress.add_task(each, total=EXPERIMENTS[each].units)
             try:
-                result, paths = run_experiment(each, out, lambda: progress.advance(task))  # noqa: B023
+                advance = lambda task=task: progress.advance(task)  # noqa: E731
+                result, paths = run_experiment(each, out, advance)
             except KeyboardInterrupt:
                 stopped = True
                 break
@@ -524,19 +691,25 @@ def _cut(samples: Log, split: Split, made: int) -> tuple[Log, Split]:
     end = len(samples.t) - left_out
     parts = {name: getattr(samples, name)[:end] for name in ("t", "x", "y", "lines", "samples")}
     x_true = None if split.x_true is None else split.x_true[:made]
-    return replace(samples, **parts), split._replace(Y=split.Y[:made], t=split.t[:made], x_true=x_true)
+    return replace(samples, **parts), split._replace(
+        Y=split.Y[:made], t=split.t[:made], x_true=x_true
+    )
 
 
 def _targets(log: Path, out: Path | None, plot: Path | None) -> tuple[Path | None, Path | None]:
     """Paths of the CSV and of the figure, None for none."""
     if plot is not None and plot.suffix.lower() not in FIGURES:
         wanted = ", ".join(FIGURES)
-        raise click.BadParameter(f"expected a file ending in {wanted}, found {str(plot)!r}", param_hint="--plot")
+        raise click.BadParameter(
+            f"expected a file ending in {wanted}, found {str(plot)!r}", param_hint="--plot"
+        )
     csv = out
     if out is not None and out.suffix.lower() != ".csv":
         csv, plot = out / "estimate.csv", plot or out / "estimate.png"
     if csv is not None and csv.exists() and log.exists() and csv.samefile(log):
-        raise click.BadParameter(f"expected a file other than the log, found {str(csv)!r}", param_hint="--out")
+        raise click.BadParameter(
+            f"expected a file other than the log, found {str(csv)!r}", param_hint="--out"
+        )
     return csv, plot
 
 
@@ -545,7 +718,9 @@ def _settings(from_file: dict[str, Any], given: dict[str, Any]) -> dict[str, Any
     named = dict(from_file)
     if given["start_from"] is not None or given["warm_start"] is not None:
         named = {key: value for key, value in named.items() if key not in ("start", "warm_start")}
-    settings = named | {key: value for key, value in given.items() if value is not None and key != "start_from"}
+    settings = named | {
+        key: value for key, value in given.items() if value is not None and key != "start_from"
+    }
     if given["start_from"] not in (None, "auto"):
         settings["start"] = given["start_from"]
     if not {"start", "warm_start", "x_prior"} & set(settings):
@@ -561,20 +736,31 @@ def _summary(log: Log, split: Split, est: DdMhe, estimates: Estimates) -> Any:
     rows |= {"gaps filled": f"{filled} samples"} if filled else {}
     rows |= report.settings(est) | report.outcome(estimates.status, estimates.active)
     if estimates.bound is not None:
-        rows["error bound"] = f"{np.median(estimates.bound):.4g} median, {np.max(estimates.bound):.4g} at most"
+        rows["error bound"] = (
+            f"{np.median(estimates.bound):.4g} median, {np.max(estimates.bound):.4g} at most"
+        )
     if split.x_true is not None:
         errors = report.rmse(estimates.x - split.x_true)
-        rows |= {f"RMSE {name}": f"{value:.4g}" for name, value in zip(log.names.state, errors, strict=True)}
+        rows |= {
+            f"RMSE {name}": f"{value:.4g}"
+            for name, value in zip(log.names.state, errors, strict=True)
+        }
         relative = report.nrmse(estimates.x, split.x_true)
-        rows |= {f"NRMSE {name}": f"{value:.4f}" for name, value in zip(log.names.state, relative, strict=True)}
+        rows |= {
+            f"NRMSE {name}": f"{value:.4f}"
+            for name, value in zip(log.names.state, relative, strict=True)
+        }
         rows["NRMSE"] = f"{report.root_mean_square(relative):.4f}"
         if len(relative) > 1 and len(set(split.history.x_units)) == 1 and split.history.x_units[0]:
             rows["NRMSE pooled"] = f"{report.pooled_nrmse(estimates.x, split.x_true):.4f}"
     return report.table(f"Estimates of {Path(log.path).name}", {"": rows})
 
 
-def _write(csv: Path | None, figure: Path | None, log: Log, split: Split, x_hat: Array) -> list[Path]:
-    """One CSV row per row of the log after the history; the figure also shows the estimates inside filled gaps."""
+def _write(
+    csv: Path | None, figure: Path | None, log: Log, split: Split, x_hat: Array
+) -> list[Path]:
+    """One CSV row per row of the log after the history; the figure also shows the estimates inside
+    filled gaps."""
     if csv is not None:
         csv.parent.mkdir(parents=True, exist_ok=True)
         logged = log.lines[-len(split.t) :] > 0
@@ -586,7 +772,12 @@ def _write(csv: Path | None, figure: Path | None, log: Log, split: Split, x_hat:
         T = len(log.t) - len(split.t) - 1
         recorded = (log.t[: T + 1], log.x[: T + 1])
         drawing = estimate_figure(
-            split.t, x_hat, split.x_true, history=recorded, names=log.names.state, quantity="state (unit of the log)"
+            split.t,
+            x_hat,
+            split.x_true,
+            history=recorded,
+            names=log.names.state,
+            quantity="state (unit of the log)",
         )
         report.save_figure(drawing, figure)
     return [path for path in (csv, figure) if path is not None]

@@ -1,4 +1,5 @@
-"""Settings of an estimator from a TOML file: the keys are the keywords of `DdMhe`, the values TOML's own.
+"""Settings of an estimator from a TOML file: the keys are the keywords of `DdMhe`, the values
+TOML's own.
 
 ```toml
 horizon = 20
@@ -64,20 +65,27 @@ def read_config(path: str | Path) -> dict[str, Any]:
     except FileNotFoundError:
         raise ConfigError(f"{path}: expected a configuration file, found no such file") from None
     except OSError as e:
-        raise ConfigError(f"{path}: expected a readable configuration file, found that it is not ({e.strerror})") from e
+        raise ConfigError(
+            f"{path}: expected a readable configuration file, found that it is not ({e.strerror})"
+        ) from e
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as e:
-        raise ConfigError(f"{path}: expected a TOML file, found an error in it ({' '.join(str(e).split())})") from e
+        raise ConfigError(
+            f"{path}: expected a TOML file, found an error in it ({' '.join(str(e).split())})"
+        ) from e
     return {key: _setting(str(path), key, value) for key, value in table.items()}
 
 
 def write_config(path: str | Path, settings: Mapping[str, Any]) -> None:
-    """Keywords of DdMhe as a file that `read_config` reads back: arrays as lists, spaces and certificates as tables."""
+    """Keywords of DdMhe as a file that `read_config` reads back: arrays as lists, spaces and
+    certificates as tables."""
     if not isinstance(settings, Mapping):
         raise ConfigError(f"settings: expected keywords of DdMhe, found {shown(settings)}")
     try:
         text = tomli_w.dumps({key: _plain(value) for key, value in settings.items()})
     except (TypeError, ValueError, AttributeError) as e:
-        raise ConfigError(f"settings: expected keywords of DdMhe that a file can hold, found others ({e})") from e
+        raise ConfigError(
+            f"settings: expected keywords of DdMhe that a file can hold, found others ({e})"
+        ) from e
     write_text(path, text)
 
 
@@ -105,7 +113,8 @@ def _plain(value: Any) -> Any:
 
 
 def space_from_text(text: str) -> Space:
-    """A trajectory space from ``auto``, ``exact``, ``truncated:RANK`` or ``ridge:WEIGHT``; ConfigError for others."""
+    """A trajectory space from ``auto``, ``exact``, ``truncated:RANK`` or ``ridge:WEIGHT``;
+    ConfigError for others."""
     check_kind("space", text, str, "auto, exact, truncated:RANK or ridge:WEIGHT")
     kind, _, argument = text.partition(":")
     if text in ("auto", "exact"):
@@ -117,7 +126,9 @@ def space_from_text(text: str) -> Space:
             return Ridge(float(argument))
     except (ValueError, OverflowError):
         pass
-    raise ConfigError(f"space: expected auto, exact, truncated:RANK or ridge:WEIGHT, found {text!r}")
+    raise ConfigError(
+        f"space: expected auto, exact, truncated:RANK or ridge:WEIGHT, found {text!r}"
+    )
 
 
 def _is_whole(value: object) -> bool:
@@ -145,13 +156,18 @@ _EXPECTED: dict[str, tuple[str, Callable[[object], bool]]] = {
     "v_bounds": ("a list [lo, hi]", _is_numbers),
     "equilibrium": ("a list [x_e, y_e]", _is_numbers),
     "warm_start": ("true or false", lambda v: isinstance(v, bool)),
-    "start": ('"recording", "state" or "unknown"', lambda v: v in ("recording", "state", "unknown")),
+    "start": (
+        '"recording", "state" or "unknown"',
+        lambda v: v in ("recording", "state", "unknown"),
+    ),
     "space": ("a text or a table", lambda v: isinstance(v, str | dict)),
     "certificate": ("a table", lambda v: isinstance(v, dict)),
     "disturbance": ("a list [initial, w, v]", _is_numbers),
     "missing": (
         "a list of finite numbers",
-        lambda v: isinstance(v, list) and all(_is_number(x) and math.isfinite(cast(float, x)) for x in v),
+        lambda v: (
+            isinstance(v, list) and all(_is_number(x) and math.isfinite(cast(float, x)) for x in v)
+        ),
     ),
 }
 _SPACES: dict[str, tuple[type[Truncated] | type[Ridge] | type[Exact], tuple[str, ...]]] = {
@@ -191,7 +207,9 @@ def _space_from_table(table: dict[str, Any]) -> Space:
     space, known = _SPACES[kind]
     for name, value in arguments.items():
         if name not in known:
-            raise ConfigError(f"space: expected {' or '.join(known) or 'no argument'} for {kind}, found {name!r}")
+            raise ConfigError(
+                f"space: expected {' or '.join(known) or 'no argument'} for {kind}, found {name!r}"
+            )
         wanted, fits = _ARGUMENTS[name]
         if not fits(value):
             raise ConfigError(f"space: expected {wanted} for {name}, found {value!r}")
@@ -207,8 +225,14 @@ def _certificate(path: str, table: dict[str, Any]) -> Certificate:
     known = {"eta", "growth", "residual", "uncertainty", "identified", *_MATRICES}
     for name, value in table.items():
         if name not in known:
-            raise ConfigError(f"{path}, certificate: expected one of {', '.join(sorted(known))}, found {name!r}")
-        fits = isinstance(value, dict) if name == "uncertainty" else (_is_number(value) or _is_numbers(value))
+            raise ConfigError(
+                f"{path}, certificate: expected one of {', '.join(sorted(known))}, found {name!r}"
+            )
+        fits = (
+            isinstance(value, dict)
+            if name == "uncertainty"
+            else (_is_number(value) or _is_numbers(value))
+        )
         fits = isinstance(value, bool) if name == "identified" else fits
         if not fits:
             wanted = "true or false" if name == "identified" else "numbers"
@@ -217,11 +241,21 @@ def _certificate(path: str, table: dict[str, Any]) -> Certificate:
     if missing:
         raise ConfigError(f"{path}, certificate: expected eta, P, Q and R, found no {missing[0]}")
     try:
-        arrays: dict[str, Any] = {name: np.array(table[name], dtype=np.float64) for name in _MATRICES if name in table}
+        arrays: dict[str, Any] = {
+            name: np.array(table[name], dtype=np.float64) for name in _MATRICES if name in table
+        }
         spread = table.get("uncertainty")
-        uncertainty = spread and Uncertainty(np.array(spread["metric"], dtype=np.float64), spread["w"], spread["v"])
+        uncertainty = spread and Uncertainty(
+            np.array(spread["metric"], dtype=np.float64), spread["w"], spread["v"]
+        )
     except (ValueError, KeyError, TypeError) as e:
-        raise ConfigError(f"{path}, certificate: expected rectangular matrices, found others ({e})") from e
-    numbers: dict[str, Any] = {name: table[name] for name in ("eta", "growth", "identified") if name in table}
+        raise ConfigError(
+            f"{path}, certificate: expected rectangular matrices, found others ({e})"
+        ) from e
+    numbers: dict[str, Any] = {
+        name: table[name] for name in ("eta", "growth", "identified") if name in table
+    }
     # inf: never verified
-    return Certificate(**arrays, **numbers, uncertainty=uncertainty, residual=table.get("residual", float("inf")))
+    return Certificate(
+        **arrays, **numbers, uncertainty=uncertainty, residual=table.get("residual", float("inf"))
+    )

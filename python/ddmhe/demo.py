@@ -1,4 +1,5 @@
-"""The paper's main job: the 3-DOF case of Liu et al. 2026, Section IV-B, from the recording to the figure."""
+"""The paper's main job: the 3-DOF case of Liu et al. 2026, Section IV-B, from the recording to the
+figure."""
 
 from __future__ import annotations
 
@@ -42,11 +43,16 @@ class Run:
     active: list[int]
 
 
-def runs(noise: float, seed: int, advance: Callable[[], None]) -> tuple[models.Recording, dict[str, Run]]:
-    """Simulate with `noise` (N·m) on the torque and estimate with each of SETTINGS; `advance` is called every step."""
+def runs(
+    noise: float, seed: int, advance: Callable[[], None]
+) -> tuple[models.Recording, dict[str, Run]]:
+    """Simulate with `noise` (N·m) on the torque and estimate with each of SETTINGS; `advance` is
+    called every step."""
     recording = models.detumbling().simulate(DURATION, DT, noise=noise, seed=seed)
     history = recording.history(T)
-    return recording, {name: run(history, recording.y[T:-1], given, advance) for name, given in SETTINGS.items()}
+    return recording, {
+        name: run(history, recording.y[T:-1], given, advance) for name, given in SETTINGS.items()
+    }
 
 
 def run(history: History, Y: Array, given: dict[str, Any], advance: Callable[[], None]) -> Run:
@@ -59,19 +65,25 @@ def run(history: History, Y: Array, given: dict[str, Any], advance: Callable[[],
         seconds.append(time.perf_counter() - begin)
         advance()
     x_hat = np.array([e.x for e in estimates])
-    return Run(est, x_hat, np.array(seconds), [e.status for e in estimates], [e.active for e in estimates])
+    return Run(
+        est, x_hat, np.array(seconds), [e.status for e in estimates], [e.active for e in estimates]
+    )
 
 
 def summary(recording: models.Recording, results: dict[str, Run], noise: float) -> Table:
     """Settings, errors in deg/s and times of every run, side by side."""
     x_true = recording.x[T + 1 :]
-    columns = {name: _column(result, np.rad2deg(result.x_hat - x_true)) for name, result in results.items()}
+    columns = {
+        name: _column(result, np.rad2deg(result.x_hat - x_true)) for name, result in results.items()
+    }
     title = f"{HISTORY:g} s of history, torque noise {noise:g} N m; RMSE in deg/s"
     return report.table(title, columns)
 
 
 def _column(result: Run, error: Array) -> dict[str, str]:
-    per_axis = {f"RMSE {axis}": f"{value:.4f}" for axis, value in zip(AXES, report.rmse(error), strict=True)}
+    per_axis = {
+        f"RMSE {axis}": f"{value:.4f}" for axis, value in zip(AXES, report.rmse(error), strict=True)
+    }
     spans = {f"RMSE norm {s:g} s": f"{report.rmse_norm(error[: round(s / DT)]):.4f}" for s in SPANS}
     median, slow = np.percentile(result.seconds, [50, 99]) * 1e6
     times = {"step median": f"{median:.2g} us", "step 99 %": f"{slow:.2g} us"}
@@ -85,14 +97,17 @@ def _column(result: Run, error: Array) -> dict[str, str]:
 
 
 def write(directory: Path, recording: models.Recording, results: dict[str, Run]) -> list[Path]:
-    """The defaults' estimates as estimate.csv (rad/s) and a figure of all runs as estimate.png; their paths."""
+    """The defaults' estimates as estimate.csv (rad/s) and a figure of all runs as estimate.png;
+    their paths."""
     from ddmhe import plot
 
     directory.mkdir(parents=True, exist_ok=True)
     csv, png = directory / "estimate.csv", directory / "estimate.png"
     t, x_true, x_hat = recording.t[T + 1 :], recording.x[T + 1 :], results["defaults"].x_hat
     report.write_estimates(csv, "time_s", t, [f"{axis}_rad_s" for axis in AXES], x_hat)
-    errors = {name: np.linalg.norm(np.rad2deg(r.x_hat - x_true), axis=1) for name, r in results.items()}
+    errors = {
+        name: np.linalg.norm(np.rad2deg(r.x_hat - x_true), axis=1) for name, r in results.items()
+    }
     figure = plot.estimate_figure(
         t,
         np.rad2deg(x_hat),

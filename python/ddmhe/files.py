@@ -1,4 +1,5 @@
-"""Files are whole or not there: written beside their place, forced onto the disk, and only then renamed."""
+"""Files are whole or not there: written beside their place, forced onto the disk, and only then
+renamed."""
 
 from __future__ import annotations
 
@@ -19,13 +20,14 @@ class FileError(DdmheError):
 def write(path: str | Path, save: Callable[[Path], object]) -> None:
     """Write a file by `save(beside)`, which gets a path of the same ending in the same directory.
 
-    A file of that name stays as it is until the new one is complete. What is no ordinary file (a device, a pipe) is
-    written to directly. FileError names the path and the reason.
-    """
+    A file of that name stays as it is until the new one is complete. What is no ordinary file (a
+    device, a pipe) is written to directly. FileError names the path and the reason."""
     check_path("path", path)
     place = Path(os.path.realpath(path))
     special = place.exists() and not place.is_file()
-    beside = Path(path) if special else place.with_name(f".{place.stem}.{os.getpid()}{place.suffix}")
+    beside = (
+        Path(path) if special else place.with_name(f".{place.stem}.{os.getpid()}{place.suffix}")
+    )
     try:
         save(beside)
         if not special:

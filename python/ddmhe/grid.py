@@ -1,8 +1,9 @@
-"""The nominal grid of a log's clock: which sample each row is, where stamps jitter, come late or rows are lost.
+"""The nominal grid of a log's clock: which sample each row is, where stamps jitter, come late or
+rows are lost.
 
 A stamp that comes late is followed by shorter steps, a lost row is not. With s the nominal step and
-L(i) = (t(i) - t(0))/s - i the lateness of row i, lost rows lift the lower envelope of L for good, late stamps only L.
-"""
+L(i) = (t(i) - t(0))/s - i the lateness of row i, lost rows lift the lower envelope of L for good,
+late stamps only L."""
 
 from __future__ import annotations
 
@@ -14,9 +15,11 @@ Array = NDArray[np.float64]
 __all__ = ["GAP", "samples_of"]
 
 GAP = 1.5
-"""A step longer than this many nominal steps is nearer to two of them: at least one sample may be missing."""
+"""A step longer than this many nominal steps is nearer to two of them: at least one sample may be
+missing."""
 LOOK = 5
-"""Rows before and after a long step in which its envelope is taken; after it, one more for every step that it lasts."""
+"""Rows before and after a long step in which its envelope is taken; after it, one more for every
+step that it lasts."""
 LONGEST_LOOK = 100
 """Beyond this many rows a nominal step that is off by 0.5 % would count as half a sample."""
 

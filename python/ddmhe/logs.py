@@ -1,12 +1,13 @@
-"""Log files: a CSV of samples in, a checked `Log` out, and its split into a history and the outputs that follow.
+"""Log files: a CSV of samples in, a checked `Log` out, and its split into a history and the outputs
+that follow.
 
-A CSV has one header line and one row per sample. An empty cell, NaN, NA, n/a, null or none means "not measured", and
-so do the numbers that `missing` names: allowed in outputs and states after the history, an error inside it. A log
-samples regularly: its stamps may jitter or come late, but where the clock says that rows are lost there is a gap.
-Rows are numbered on the clock's grid before they are thinned, so that every k-th sample stays every k-th whatever is
-lost. Gaps are errors unless `Log.fill_gaps` turned them into rows not measured: the estimator then runs through them
-without data, and inside the history at most 10 such rows in a row are interpolated.
-"""
+A CSV has one header line and one row per sample. An empty cell, NaN, NA, n/a, null or none means
+"not measured", and so do the numbers that `missing` names: allowed in outputs and states after the
+history, an error inside it. A log samples regularly: its stamps may jitter or come late, but where
+the clock says that rows are lost there is a gap. Rows are numbered on the clock's grid before they
+are thinned, so that every k-th sample stays every k-th whatever is lost. Gaps are errors unless
+`Log.fill_gaps` turned them into rows not measured: the estimator then runs through them without
+data, and inside the history at most 10 such rows in a row are interpolated."""
 
 from __future__ import annotations
 
@@ -33,9 +34,11 @@ Array = NDArray[np.float64]
 __all__ = ["Gap", "Log", "LogError", "Names", "Split", "read_log"]
 
 JITTER, JITTERY_SHARE = 0.25, 0.2
-"""Steps off the nominal one by more than JITTER are bad; a log with more than this share of them is not regular."""
+"""Steps off the nominal one by more than JITTER are bad; a log with more than this share of them is
+not regular."""
 MOST_INTERPOLATED = 10
-"""A longer stretch of filled rows inside the history is an invention, not a recording. Seven in a row left the errors
+"""A longer stretch of filled rows inside the history is an invention, not a recording. Seven in a
+row left the errors
 on the measured pendulum logs as they were; cutting the recording there doubled them."""
 MOST_FILLED = 2
 """Filling may at most double a log: beyond that it is several logs."""
@@ -97,27 +100,33 @@ class Log:
     lines: NDArray[np.int64]
     """Line of each row in the file (N,), from 1; 0 for a row that `fill_gaps` added."""
     samples: NDArray[np.int64]
-    """Number of each row on the grid of steps dt (N,), from 0; a number that is left out is a sample that is lost."""
+    """Number of each row on the grid of steps dt (N,), from 0; a number that is left out is a
+    sample that is lost."""
     gaps: tuple[Gap, ...]
-    """Where the file lacks rows, also ones that the decimation would have left out; none after `fill_gaps`."""
+    """Where the file lacks rows, also ones that the decimation would have left out; none after
+    `fill_gaps`."""
     decimate: int = 1
     """dt is this many steps of the file."""
     units: Mapping[str, str] = field(default_factory=dict)
-    """Units of columns, from a line below the header; a column that is not among them may state its own in its name."""
+    """Units of columns, from a line below the header; a column that is not among them may state its
+    own in its name."""
 
     def unit(self, column: str) -> str:
         """The unit of a column, "" where neither a line of units nor its name states one."""
         return self.units.get(column) or unit_of(column)
 
     def fill_gaps(self) -> Log:
-        """The log on a gapless grid: in each gap the samples that are missing, all of them NaN (not measured).
+        """The log on a gapless grid: in each gap the samples that are missing, all of them NaN (not
+        measured).
 
         Raises LogError where more samples are missing than there are.
         """
         rows = self.samples
         size = int(rows[-1]) + 1
         if size > MOST_FILLED * rows.size:
-            raise LogError(f"{self.path}: expected gaps that can be filled, found {size - rows.size} samples missing")
+            raise LogError(
+                f"{self.path}: expected gaps that can be filled, found {size - rows.size} samples missing"
+            )
 
         def spread(values: Array) -> Array:
             wide = np.full((size, values.shape[1]), np.nan)
@@ -128,19 +137,27 @@ class Log:
         lines[rows] = self.lines
         t = np.interp(np.arange(size), rows, self.t)
         filled = np.arange(size, dtype=np.int64)
-        return replace(self, t=t, x=spread(self.x), y=spread(self.y), lines=lines, samples=filled, gaps=())
+        return replace(
+            self, t=t, x=spread(self.x), y=spread(self.y), lines=lines, samples=filled, gaps=()
+        )
 
     def history_samples(self, history: float) -> int:
         """T = round(history/dt).
 
-        Raises LogError if `history` (s) is not a positive number, shorter than 2 samples or longer than the log.
-        """
-        real = isinstance(history, int | float | np.integer | np.floating) and not isinstance(history, bool)
+        Raises LogError if `history` (s) is not a positive number, shorter than 2 samples or longer
+        than the log."""
+        real = isinstance(history, int | float | np.integer | np.floating) and not isinstance(
+            history, bool
+        )
         if not real or not 0 < history <= LARGEST:
-            raise LogError(f"history: expected a positive number of seconds, found {shown(history)}")
+            raise LogError(
+                f"history: expected a positive number of seconds, found {shown(history)}"
+            )
         samples, last = round(history / self.dt), len(self.t) - 1
         if samples < 2:
-            raise LogError(f"history: expected at least 2 samples ({2 * self.dt:.4g} s), found {history} s")
+            raise LogError(
+                f"history: expected at least 2 samples ({2 * self.dt:.4g} s), found {history} s"
+            )
         if samples >= last:
             raise LogError(
                 f"history: expected less than {last * self.dt:.4g} s, the {last + 1} samples that {self.path} holds "
@@ -149,10 +166,11 @@ class Log:
         return samples
 
     def split(self, history: float) -> Split:
-        """Cut the log after `history` seconds: states of rows 0 to T and outputs of rows 0 to T-1 are the history.
+        """Cut the log after `history` seconds: states of rows 0 to T and outputs of rows 0 to T-1
+        are the history.
 
-        Raises LogError for a history that does not fit, for samples missing inside it, and for gaps.
-        """
+        Raises LogError for a history that does not fit, for samples missing inside it, and for
+        gaps."""
         T = self.history_samples(history)
         if self.gaps:
             gap = self.gaps[0]
@@ -164,19 +182,26 @@ class Log:
             )
         self._check_measured(self.x[: T + 1], self.names.state)
         self._check_measured(self.y[:T], self.names.output)
-        x_units, y_units = ([self.unit(name) for name in names] for names in (self.names.state, self.names.output))
+        x_units, y_units = (
+            [self.unit(name) for name in names] for names in (self.names.state, self.names.output)
+        )
         recorded = History(
-            self._bridged(self.x, T + 1), self._bridged(self.y, T), dt=self.dt, x_units=x_units, y_units=y_units
+            self._bridged(self.x, T + 1),
+            self._bridged(self.y, T),
+            dt=self.dt,
+            x_units=x_units,
+            y_units=y_units,
         )
         x_true = self.x[T + 1 :]
-        return Split(recorded, self.y[T:-1], self.t[T + 1 :], None if np.isnan(x_true).all() else x_true)
+        return Split(
+            recorded, self.y[T:-1], self.t[T + 1 :], None if np.isnan(x_true).all() else x_true
+        )
 
     def _bridged(self, values: Array, size: int) -> Array:
         """Rows 0 to size-1 with the filled ones interpolated between their neighbours in the log.
 
-        Seams between recordings would invent nothing, but they cost every window that crosses one; on measured
-        pendulum logs with gaps of one or two rows interpolation was clearly better.
-        """
+        Seams between recordings would invent nothing, but they cost every window that crosses one;
+        on measured pendulum logs with gaps of one or two rows interpolation was clearly better."""
         real = np.flatnonzero(self.lines)
         runs = np.diff(real[: np.searchsorted(real, size) + 1]) - 1
         if runs.max() > MOST_INTERPOLATED:
@@ -187,7 +212,9 @@ class Log:
             )
         at, rows = np.arange(size), np.arange(len(values))
         known = np.isfinite(values)
-        return np.column_stack([np.interp(at, rows[k], column[k]) for k, column in zip(known.T, values.T, strict=True)])
+        return np.column_stack(
+            [np.interp(at, rows[k], column[k]) for k, column in zip(known.T, values.T, strict=True)]
+        )
 
     def _check_measured(self, values: Array, names: Sequence[str]) -> None:
         lacking = np.argwhere(np.isnan(values) & (self.lines[: len(values), None] > 0))
@@ -210,17 +237,18 @@ def read_log(
     missing: Sequence[float] = (),
     unwrap: Sequence[str] = (),
 ) -> Log:
-    """Read a CSV log, keep samples 0, decimate, 2 decimate, … of its clock, and of these the ones from time `start` on.
+    """Read a CSV log, keep samples 0, decimate, 2 decimate, … of its clock, and of these the ones
+    from time `start` on.
 
     Parameters
     ----------
-    path : path of a CSV file with one header line, which a line of units may follow
-    state, output : names of the state columns (n) and output columns (p); one column may be both
-    time : name of the time column, in seconds; default the first column
-    start : time of the log's own clock, s; default the first row
-    decimate : keep every decimate-th sample, at least 1; one whose row is lost is a gap, the next ones stay in place
-    missing : numbers that stand for "not measured" in state and output columns, like -9999
-    unwrap : columns of angles within one turn (2 pi or 360) to be made continuous
+    path : path of a CSV file with one header line, which a line of units may follow state, output :
+    names of the state columns (n) and output columns (p); one column may be both time : name of the
+    time column, in seconds; default the first column start : time of the log's own clock, s;
+    default the first row decimate : keep every decimate-th sample, at least 1; one whose row is
+    lost is a gap, the next ones stay in place missing : numbers that stand for "not measured" in
+    state and output columns, like -9999 unwrap : columns of angles within one turn (2 pi or 360) to
+    be made continuous
 
     Raises
     ------
@@ -267,7 +295,9 @@ def checked_missing(missing: Sequence[float]) -> tuple[float, ...]:
     """Numbers that stand for "not measured"; LogError for anything else."""
     numbers: Sequence[Any] = missing if isinstance(missing, list | tuple) else [missing]
     for number in numbers:
-        real = isinstance(number, int | float | np.integer | np.floating) and not isinstance(number, bool)
+        real = isinstance(number, int | float | np.integer | np.floating) and not isinstance(
+            number, bool
+        )
         if not real or not -LARGEST <= number <= LARGEST:
             raise LogError(f"missing: expected finite numbers, found {shown(number)}")
     return tuple(float(number) for number in numbers)
@@ -290,7 +320,8 @@ def _check_unwrap(unwrap: Sequence[str], names: Names) -> None:
 
 
 def _read_table(path: str) -> pd.DataFrame:
-    """The file as text cells, its header as columns, its line numbers as index; empty lines dropped."""
+    """The file as text cells, its header as columns, its line numbers as index; empty lines
+    dropped."""
     try:
         cells = pd.read_csv(
             path, header=None, dtype=str, na_filter=False, skip_blank_lines=False, index_col=False,
@@ -299,13 +330,17 @@ def _read_table(path: str) -> pd.DataFrame:
     except FileNotFoundError:
         raise LogError(f"{path}: expected a log file, found no such file") from None
     except OSError as e:
-        raise LogError(f"{path}: expected a readable log file, found that it is not ({e.strerror})") from e
+        raise LogError(
+            f"{path}: expected a readable log file, found that it is not ({e.strerror})"
+        ) from e
     except pd.errors.EmptyDataError:
         raise LogError(f"{path}: expected a header line and samples, found an empty file") from None
     except UnicodeDecodeError as e:
         raise LogError(f"{path}: expected a text file in UTF-8, found bytes that are not") from e
     except pd.errors.ParserError as e:
-        raise LogError(f"{path}: expected a CSV table, found one that cannot be read ({_one_line(e)})") from e
+        raise LogError(
+            f"{path}: expected a CSV table, found one that cannot be read ({_one_line(e)})"
+        ) from e
     cells = cells.fillna("")
     cells.index += 1
     header = [str(c).strip() for c in cells.iloc[0]]
@@ -325,13 +360,21 @@ def _checked_names(
             raise LogError(f"{option}: expected at least one column name, found none")
         for column in group:
             if column not in header:
-                raise LogError(f"{option}: expected a column of {path}, found {column!r}{_nearest(column, header)}")
+                raise LogError(
+                    f"{option}: expected a column of {path}, found {column!r}{_nearest(column, header)}"
+                )
             if header.count(column) > 1:
-                raise LogError(f"{path}: expected one column named {column!r}, found {header.count(column)}")
+                raise LogError(
+                    f"{path}: expected one column named {column!r}, found {header.count(column)}"
+                )
             if list(group).count(column) > 1:
-                raise LogError(f"{option}: expected different columns, found {column!r} more than once")
+                raise LogError(
+                    f"{option}: expected different columns, found {column!r} more than once"
+                )
             if option != "time" and column == time:
-                raise LogError(f"{option}: expected columns other than the time column, found {column!r}")
+                raise LogError(
+                    f"{option}: expected columns other than the time column, found {column!r}"
+                )
     return Names(time, tuple(state), tuple(output))
 
 
@@ -342,13 +385,18 @@ def _nearest(column: str, header: list[str]) -> str:
 
 
 def _units(path: str, table: pd.DataFrame, time: str) -> tuple[pd.DataFrame, dict[str, str]]:
-    """The samples, and the units of the columns if the first line states them: a word for the time, and no number."""
+    """The samples, and the units of the columns if the first line states them: a word for the time,
+    and no number."""
     first = [cell.strip() for cell in table.iloc[0]]
     of_time = table[time].iloc[0].strip()
     words = [cell for cell in first if cell and cell.lower() not in _NOT_MEASURED]
     if of_time not in words or any(_is_number(word) for word in words) or len(table) < 2:
         return table, {}
-    units = {name: cell.strip("[]() ") for name, cell in zip(table.columns, first, strict=True) if cell in words}
+    units = {
+        name: cell.strip("[]() ")
+        for name, cell in zip(table.columns, first, strict=True)
+        if cell in words
+    }
     if units[time].lower() not in _SECONDS:
         raise LogError(
             f"{path}, line {table.index[0]}, column {time!r}: expected a time in seconds, found the unit {of_time!r}"
@@ -383,7 +431,9 @@ def _time(path: str, table: pd.DataFrame, column: str) -> Array:
     t = _column(path, table, column)
     if np.isnan(t).any():
         line = table.index[int(np.argmax(np.isnan(t)))]
-        raise LogError(f"{path}, line {line}, column {column!r}: expected a time in seconds, found none")
+        raise LogError(
+            f"{path}, line {line}, column {column!r}: expected a time in seconds, found none"
+        )
     back = np.diff(t) <= 0
     if back.any():
         row = int(np.argmax(back)) + 1
@@ -396,12 +446,15 @@ def _time(path: str, table: pd.DataFrame, column: str) -> Array:
 
 def _first_row(path: str, t: Array, start: float) -> int:
     if not start <= t[-1]:  # written so that NaN is refused too
-        raise LogError(f"start: expected at most {t[-1]:.10g} s, the last time of {path}, found {start} s")
+        raise LogError(
+            f"start: expected at most {t[-1]:.10g} s, the last time of {path}, found {start} s"
+        )
     return int(np.argmax(t >= start))
 
 
 def _step(path: str, t: Array, nominal: float, decimate: int) -> float:
-    """The nominal step, the median of the undecimated log times `decimate`: coarse time stamps do not shift it.
+    """The nominal step, the median of the undecimated log times `decimate`: coarse time stamps do
+    not shift it.
 
     LogError if the steps do not keep to it.
     """

@@ -1,7 +1,7 @@
 """The systems of the papers, for simulation: what an experiment would have recorded.
 
-Each model is a frozen dataclass whose fields are its parameters (SI units); ``simulate`` makes a `Recording`. The
-estimator never sees a model, only recordings.
+Each model is a frozen dataclass whose fields are its parameters (SI units); ``simulate`` makes a
+`Recording`. The estimator never sees a model, only recordings.
 
 - `detumbling`: 3-DOF eddy-current braking of a tumbling satellite, Liu et al. 2026, Section IV-B.
 - `spin_down`: the single-axis bench, Liu et al. 2026, Section IV-A.
@@ -23,7 +23,16 @@ from ddmhe.arguments import check_finite, check_number, check_path, check_whole,
 
 Array = NDArray[np.float64]
 
-__all__ = ["Detumbling", "Pendulum", "Recording", "SpinDown", "TorqueCurve", "detumbling", "pendulum", "spin_down"]
+__all__ = [
+    "Detumbling",
+    "Pendulum",
+    "Recording",
+    "SpinDown",
+    "TorqueCurve",
+    "detumbling",
+    "pendulum",
+    "spin_down",
+]
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,18 +46,22 @@ class Recording:
     y: Array
     """Measured output (N+1, p), noise included."""
     x_recorded: Array
-    """State as its sensor reads it (N+1, n): equal to x unless the model has a sensor that rounds."""
+    """State as its sensor reads it (N+1, n): equal to x unless the model has a sensor that
+    rounds."""
     x_units: tuple[str, ...] = ()
     """Units of the states (n)."""
     y_units: tuple[str, ...] = ()
     """Units of the outputs (p)."""
 
     def history(self, samples: int | None = None) -> History:
-        """The first `samples` outputs (default all but the last) and the states as recorded, with their units."""
+        """The first `samples` outputs (default all but the last) and the states as recorded, with
+        their units."""
         T = len(self.y) - 1 if samples is None else samples
         check_whole("samples", T, 1, len(self.y) - 1)
         x_units, y_units = self.x_units or None, self.y_units or None
-        return History(self.x_recorded[: T + 1], self.y[:T], float(self.t[1]), x_units=x_units, y_units=y_units)
+        return History(
+            self.x_recorded[: T + 1], self.y[:T], float(self.t[1]), x_units=x_units, y_units=y_units
+        )
 
 
 MOST_STEPS = 100_000_000
@@ -99,26 +112,33 @@ class _Model:
         seed : int
             Seed of numpy's default_rng.
         integrator : "euler" or "accurate"
-            Forward Euler with step dt, as in Liu et al. 2026, Eq. (4), or an eighth-order Runge-Kutta method
-            (DOP853) at relative tolerance 2.3e-14, the smallest that it takes.
+            Forward Euler with step dt, as in Liu et al. 2026, Eq. (4), or an eighth-order
+            Runge-Kutta method (DOP853) at relative tolerance 2.3e-14, the smallest that it takes.
         disturbance : array (N, n)
-            Process disturbance w of (5), in the state's unit: w(k) is added to the state at the end of step k.
+            Process disturbance w of (5), in the state's unit: w(k) is added to the state at the end
+            of step k.
 
         Raises
         ------
         DdmheError
-            duration not a multiple of dt, dt or duration not positive, noise negative, an unknown integrator, or a
-            motion that leaves all bounds (Euler with too large a dt).
+            duration not a multiple of dt, dt or duration not positive, noise negative, an unknown
+            integrator, or a motion that leaves all bounds (Euler with too large a dt).
         """
         steps = _steps(duration, dt)
         check_number("noise", noise, "a finite number of at least 0", lambda size: size >= 0)
         check_whole("seed", seed, 0)
         choice("integrator", integrator, _INTEGRATORS)
         t: Array = dt * np.arange(steps + 1, dtype=np.float64)
-        w = None if disturbance is None else _shaped("disturbance", disturbance, (steps, self.initial_state.size))
+        w = (
+            None
+            if disturbance is None
+            else _shaped("disturbance", disturbance, (steps, self.initial_state.size))
+        )
         x = _INTEGRATORS[integrator](self, t, dt, w)
         if not np.isfinite(x).all():
-            raise DdmheError(f"dt: expected one small enough, found that the {integrator!r} motion diverges at {dt} s")
+            raise DdmheError(
+                f"dt: expected one small enough, found that the {integrator!r} motion diverges at {dt} s"
+            )
         y = self.output(x)
         y += noise * np.random.default_rng(seed).standard_normal(y.shape)
         return Recording(t, x, y, self._as_recorded(x, dt), self.x_units, self.y_units)
@@ -126,16 +146,17 @@ class _Model:
 
 @dataclass(frozen=True, eq=False)
 class Detumbling(_Model):
-    """Eddy-current de-tumbling of a satellite by a chaser with a magnet, Liu et al. 2026, Section IV-B.
+    """Eddy-current de-tumbling of a satellite by a chaser with a magnet, Liu et al. 2026, Section
+    IV-B.
 
-    State: angular velocity of the target, rad/s (n = 3). Output: torque on the chaser, N·m (p = 3). Euler's
-    equations (2) with the magnetic dipole model (39)-(41). Defaults are the paper's.
-    """
+    State: angular velocity of the target, rad/s (n = 3). Output: torque on the chaser, N·m (p = 3).
+    Euler's equations (2) with the magnetic dipole model (39)-(41). Defaults are the paper's."""
 
     x_units: ClassVar[tuple[str, ...]] = ("rad/s",) * 3
     y_units: ClassVar[tuple[str, ...]] = ("N m",) * 3
     inertia: Array = field(default_factory=lambda: np.array([4513.2, 4138.1, 3282.5]))
-    """Inertia of the target, kg·m²: (3,) principal moments or (3, 3) symmetric positive definite; kept as (3, 3)."""
+    """Inertia of the target, kg·m²: (3,) principal moments or (3, 3) symmetric positive definite;
+    kept as (3, 3)."""
     M_eff: Array = field(default_factory=lambda: 0.89e5 * np.diag([5.908, 5.908, 1.951]))
     """Effective magnetic tensor of the target (3, 3), S·m⁴."""
     omega_chaser: Array = field(default_factory=lambda: np.zeros(3))
@@ -146,7 +167,9 @@ class Detumbling(_Model):
     """Magnetic flux density at the target (3,), T."""
     r: Array = field(default_factory=lambda: np.array([0.5, 1.0, 0.5]))
     """Position of the target seen from the chaser (3,), m."""
-    Lambda: Array = field(default_factory=lambda: 1e-4 * np.array([[-23, -116, 8], [-116, -119, 49], [8, 49, 142.0]]))
+    Lambda: Array = field(
+        default_factory=lambda: 1e-4 * np.array([[-23, -116, 8], [-116, -119, 49], [8, 49, 142.0]])
+    )
     """Gradient of the flux density at the target (3, 3), T/m."""
 
     def __post_init__(self) -> None:
@@ -159,7 +182,9 @@ class Detumbling(_Model):
             _set(self, name, _shaped(name, getattr(self, name), (3,)))
         symmetric = np.allclose(self.inertia, self.inertia.T, rtol=1e-12, atol=0)
         if not symmetric or np.linalg.eigvalsh(self.inertia).min() <= 0:
-            raise DdmheError("inertia: expected a symmetric positive definite matrix, found one that is not")
+            raise DdmheError(
+                "inertia: expected a symmetric positive definite matrix, found one that is not"
+            )
 
     @property
     def initial_state(self) -> Array:
@@ -171,7 +196,8 @@ class Detumbling(_Model):
         return _cross(self._moment(omega), self.B)
 
     def output(self, x: ArrayLike) -> Array:
-        """Torque on the chaser τ_c = -τ_t - r × F_ct, Eqs. (40), (41): (…, 3) rad/s to (…, 3) N·m."""
+        """Torque on the chaser τ_c = -τ_t - r × F_ct, Eqs. (40), (41): (…, 3) rad/s to (…, 3)
+        N·m."""
         force = self._moment(x) @ self.Lambda.T
         return -self.torque(x) - _cross(self.r, force)
 
@@ -179,7 +205,9 @@ class Detumbling(_Model):
         """Euler's equations, Eq. (2): (…, 3) rad/s to (…, 3) rad/s²."""
         omega = np.asarray(x, dtype=np.float64)
         torque = self.torque(omega) - _cross(omega, omega @ self.inertia.T)
-        return np.asarray(np.linalg.solve(self.inertia, torque[..., None])[..., 0], dtype=np.float64)
+        return np.asarray(
+            np.linalg.solve(self.inertia, torque[..., None])[..., 0], dtype=np.float64
+        )
 
     def _moment(self, omega: ArrayLike) -> Array:
         """Induced magnetic moment M_eff ((ω_t - ω_c) × B), A·m²."""
@@ -201,28 +229,42 @@ class TorqueCurve:
         _set(self, "speed", _numbers("speed", self.speed))
         _set(self, "torque", _shaped("torque", self.torque, self.speed.shape))
         if self.speed.ndim != 1 or self.speed.size < 2:
-            raise ShapeError(f"speed: expected at least 2 speeds in a 1-D array, found shape {self.speed.shape}")
+            raise ShapeError(
+                f"speed: expected at least 2 speeds in a 1-D array, found shape {self.speed.shape}"
+            )
         if self.speed[0] != 0 or (np.diff(self.speed) <= 0).any():
-            raise DdmheError("speed: expected speeds that start at 0 and strictly increase, found others")
+            raise DdmheError(
+                "speed: expected speeds that start at 0 and strictly increase, found others"
+            )
         if self.torque[0] != 0 or (self.torque < 0).any():
-            raise DdmheError("torque: expected braking torques of at least 0 that start at 0, found others")
+            raise DdmheError(
+                "torque: expected braking torques of at least 0 that start at 0, found others"
+            )
 
     @classmethod
     def from_csv(cls, path: str | Path) -> TorqueCurve:
-        """Read columns ``slip_speed_rpm`` and ``torque_N_m`` (rpm, N·m); DdmheError if the file does not hold them."""
+        """Read columns ``slip_speed_rpm`` and ``torque_N_m`` (rpm, N·m); DdmheError if the file
+        does not hold them."""
         check_path("path", path)
         try:
             table = np.genfromtxt(path, delimiter=",", names=True, encoding="utf-8")
         except (OSError, ValueError, TypeError) as e:
             reason = " ".join(str(e).split())
-            raise DdmheError(f"path: expected a readable CSV file, found {str(path)!r} ({reason})") from e
-        missing = [c for c in ("slip_speed_rpm", "torque_N_m") if c not in (table.dtype.names or ())]
+            raise DdmheError(
+                f"path: expected a readable CSV file, found {str(path)!r} ({reason})"
+            ) from e
+        missing = [
+            c for c in ("slip_speed_rpm", "torque_N_m") if c not in (table.dtype.names or ())
+        ]
         if missing:
-            raise DdmheError(f"path: expected columns slip_speed_rpm and torque_N_m, {str(path)!r} lacks {missing}")
+            raise DdmheError(
+                f"path: expected columns slip_speed_rpm and torque_N_m, {str(path)!r} lacks {missing}"
+            )
         return cls(table["slip_speed_rpm"] * (2 * math.pi / 60), table["torque_N_m"])
 
     def __call__(self, omega: ArrayLike) -> Array:
-        """Torque against the motion, N·m, at speeds omega (any shape), rad/s; the last torque beyond the table."""
+        """Torque against the motion, N·m, at speeds omega (any shape), rad/s; the last torque
+        beyond the table."""
         omega = np.asarray(omega, dtype=np.float64)
         torque: Array = np.sign(omega) * np.interp(np.abs(omega), self.speed, self.torque)
         return torque
@@ -230,14 +272,15 @@ class TorqueCurve:
 
 @dataclass(frozen=True, eq=False)
 class SpinDown(_Model):
-    """Single-axis bench: a freely spinning metal target braked by a magnet, Liu et al. 2026, Section IV-A.
+    """Single-axis bench: a freely spinning metal target braked by a magnet, Liu et al. 2026,
+    Section IV-A.
 
     State: spin speed, rad/s (n = 1). Output: eddy torque at the transducer, N·m (p = 1).
     inertia dω/dt = -(eddy(ω) + viscous ω + coulomb tanh(ω/coulomb_speed)).
 
-    The paper prints none of these numbers. The defaults are a plausible hand-sized bench: about 290 rpm, 0.15 N·m of
-    eddy torque, a decay time of 1 s, so that the speed falls by 40 % in the paper's 0.5 s of history.
-    """
+    The paper prints none of these numbers. The defaults are a plausible hand-sized bench: about 290
+    rpm, 0.15 N·m of eddy torque, a decay time of 1 s, so that the speed falls by 40 % in the
+    paper's 0.5 s of history."""
 
     x_units: ClassVar[tuple[str, ...]] = ("rad/s",)
     y_units: ClassVar[tuple[str, ...]] = ("N m",)
@@ -250,7 +293,8 @@ class SpinDown(_Model):
     coulomb: float = 2e-3
     """Coulomb bearing friction, N·m."""
     coulomb_speed: float = 0.05
-    """Speed over which the Coulomb friction changes its sign, rad/s: keeps the motion smooth at standstill."""
+    """Speed over which the Coulomb friction changes its sign, rad/s: keeps the motion smooth at
+    standstill."""
     omega_0: float = 30.0
     """Spin speed at t = 0, rad/s."""
     torque_curve: TorqueCurve | None = None
@@ -258,7 +302,8 @@ class SpinDown(_Model):
     torque_bias: float = 0.0
     """Constant error of the torque transducer, N·m."""
     encoder_counts: int | None = None
-    """Counts per revolution of the encoder: x_recorded is rounded to one count per sample. None: no rounding."""
+    """Counts per revolution of the encoder: x_recorded is rounded to one count per sample. None: no
+    rounding."""
 
     def __post_init__(self) -> None:
         """Check the fields and make them read-only."""
@@ -273,7 +318,9 @@ class SpinDown(_Model):
             check_whole("encoder_counts", counts)
         curve = self.torque_curve
         if curve is not None and not isinstance(curve, TorqueCurve):
-            raise DdmheError(f"torque_curve: expected a TorqueCurve or None, found {type(curve).__name__}")
+            raise DdmheError(
+                f"torque_curve: expected a TorqueCurve or None, found {type(curve).__name__}"
+            )
         if curve is not None and abs(self.omega_0) > curve.speed[-1]:
             limits = f"up to omega_0 = {self.omega_0:g} rad/s, found up to {curve.speed[-1]:g}"
             raise DdmheError(f"torque_curve: expected speeds {limits}")
@@ -308,7 +355,8 @@ class SpinDown(_Model):
 
 @dataclass(frozen=True, eq=False)
 class Pendulum(_Model):
-    """Planar pendulum of the interval paper, (60): with dt = 0.065 s forward Euler gives exactly its matrices.
+    """Planar pendulum of the interval paper, (60): with dt = 0.065 s forward Euler gives exactly
+    its matrices.
 
     State: angle (rad) and rate (rad/s), n = 2. Output: angle, rad (p = 1). x1⁺ = x1 + dt x2,
     x2⁺ = x2 - dt stiffness sin x1.
@@ -349,12 +397,14 @@ class Pendulum(_Model):
 
 
 def detumbling(**overrides: Any) -> Detumbling:
-    """The 3-DOF case of Liu et al. 2026, Section IV-B, with any field of `Detumbling` overridden."""
+    """The 3-DOF case of Liu et al. 2026, Section IV-B, with any field of `Detumbling`
+    overridden."""
     return _build(Detumbling, overrides)
 
 
 def spin_down(**overrides: Any) -> SpinDown:
-    """The single-axis bench of Liu et al. 2026, Section IV-A, with any field of `SpinDown` overridden."""
+    """The single-axis bench of Liu et al. 2026, Section IV-A, with any field of `SpinDown`
+    overridden."""
     return _build(SpinDown, overrides)
 
 
@@ -370,7 +420,9 @@ def _build(model: type[_M], overrides: dict[str, Any]) -> _M:
     known = [f.name for f in fields(model)]
     unknown = [name for name in overrides if name not in known]
     if unknown:
-        raise DdmheError(f"{unknown[0]}: expected a parameter of {model.__name__}: {', '.join(known)}")
+        raise DdmheError(
+            f"{unknown[0]}: expected a parameter of {model.__name__}: {', '.join(known)}"
+        )
     return model(**overrides)
 
 
@@ -378,7 +430,9 @@ def _steps(duration: float, dt: float) -> int:
     for name, value in (("dt", dt), ("duration", duration)):
         check_number(name, value, "a positive number of seconds", lambda seconds: seconds > 0)
     if not duration / dt <= MOST_STEPS:
-        raise DdmheError(f"duration: expected at most {MOST_STEPS} steps of dt = {dt} s, found {duration} s")
+        raise DdmheError(
+            f"duration: expected at most {MOST_STEPS} steps of dt = {dt} s, found {duration} s"
+        )
     steps = round(duration / dt)
     if abs(steps * dt - duration) > 1e-9 * duration:
         raise DdmheError(f"duration: expected a multiple of dt = {dt} s, found {duration} s")
@@ -400,7 +454,13 @@ def _accurate(model: _Model, t: Array, dt: float, w: Array | None) -> Array:
 
     def motion(x_0: Array, times: Array) -> Array:
         found = solve_ivp(
-            lambda _, x: model.derivative(x), (0.0, times[-1]), x_0, "DOP853", t_eval=times, rtol=2.3e-14, atol=1e-16
+            lambda _, x: model.derivative(x),
+            (0.0, times[-1]),
+            x_0,
+            "DOP853",
+            t_eval=times,
+            rtol=2.3e-14,
+            atol=1e-16,
         ).y.T
         return np.asarray(np.vstack([found, np.full((len(times) - len(found), len(x_0)), np.nan)]))
 
@@ -418,8 +478,8 @@ _INTEGRATORS = {"euler": _euler, "accurate": _accurate}
 def _cross(a: Array, b: Array) -> Array:
     """a × b of (…, 3), one of them perhaps (3,).
 
-    Written out: numpy.cross takes eight times as long for one vector, and an integrator asks for one at a time.
-    """
+    Written out: numpy.cross takes eight times as long for one vector, and an integrator asks for
+    one at a time."""
     (a_1, a_2, a_3), (b_1, b_2, b_3) = a.T, b.T
     product = np.array([a_2 * b_3 - a_3 * b_2, a_3 * b_1 - a_1 * b_3, a_1 * b_2 - a_2 * b_1])
     return np.ascontiguousarray(product.T)
@@ -438,7 +498,9 @@ def _shaped(name: str, value: ArrayLike, shape: tuple[int, ...]) -> Array:
     return array
 
 
-def _scalar(model: object, name: str, above: float = -math.inf, at_least: float = -math.inf) -> None:
+def _scalar(
+    model: object, name: str, above: float = -math.inf, at_least: float = -math.inf
+) -> None:
     value = float(_shaped(name, getattr(model, name), ()))
     if value <= above or value < at_least:
         limit = f"above {above:g}" if value <= above else f"of at least {at_least:g}"

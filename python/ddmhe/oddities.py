@@ -1,4 +1,5 @@
-"""What a recorded column says of itself: numbers that stand for "not measured", and angles that jump by a turn."""
+"""What a recorded column says of itself: numbers that stand for "not measured", and angles that
+jump by a turn."""
 
 from __future__ import annotations
 
@@ -14,19 +15,24 @@ __all__ = ["far_out", "unwrapped"]
 FAR = 50.0
 """Deviations of the other values beyond which one is no measurement of the same thing."""
 APART = 3.0
-"""What is far out stands on its own: the space between it and the others is more than this many times their range."""
+"""What is far out stands on its own: the space between it and the others is more than this many
+times their range."""
 ALONE = 3
-"""Rows in a row that different values far out may take; more of them are a motion. Of one value there may be more."""
+"""Rows in a row that different values far out may take; more of them are a motion. Of one value
+there may be more."""
 LEAST = 30
 """Fewest values that tell what is far out."""
 
 
 def far_out(values: Array) -> NDArray[np.intp]:
-    """Rows of values (N,), NaN where unknown, that sit more than FAR deviations out on their own."""
+    """Rows of values (N,), NaN where unknown, that sit more than FAR deviations out on their
+    own."""
     rest = np.flatnonzero(np.isfinite(values))
     found = rest[:0]
     while rest.size >= LEAST:
-        more = np.concatenate([_above(values, rest), _above(-values, rest)])  # numbers on one side can hide the other's
+        more = np.concatenate(
+            [_above(values, rest), _above(-values, rest)]
+        )  # numbers on one side can hide the other's
         if not more.size:
             break
         rest, found = np.setdiff1d(rest, more), np.union1d(found, more)
@@ -39,7 +45,8 @@ def far_out(values: Array) -> NDArray[np.intp]:
 
 
 def _above(values: Array, known: NDArray[np.intp]) -> NDArray[np.intp]:
-    """Rows above the bulk; at most half of all are, and the bulk is judged without its lowest quarter."""
+    """Rows above the bulk; at most half of all are, and the bulk is judged without its lowest
+    quarter."""
     order = known[np.argsort(values[known], kind="stable")]
     v = values[order] - np.median(values[known])
     quarter, half = len(v) // 4, len(v) // 2
@@ -51,7 +58,11 @@ def _above(values: Array, known: NDArray[np.intp]) -> NDArray[np.intp]:
         mean, spread = mean[half - quarter - 1 : -1], spread[half - quarter - 1 : -1]
         below = v[half - 1 : -1]
         candidate = v[half:]
-        far = (candidate - mean > FAR * spread) & (candidate - below > APART * (below - v[quarter])) & (spread > 0)
+        far = (
+            (candidate - mean > FAR * spread)
+            & (candidate - below > APART * (below - v[quarter]))
+            & (spread > 0)
+        )
     return order[half + int(np.argmax(far)) :] if far.any() else np.empty(0, dtype=np.intp)
 
 

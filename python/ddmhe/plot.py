@@ -1,7 +1,8 @@
-"""Figures: functions that take arrays and return a matplotlib Figure; nothing is shown, nothing is saved here.
+"""Figures: functions that take arrays and return a matplotlib Figure; nothing is shown, nothing is
+saved here.
 
-Matplotlib is slow to import, so this module is imported where a figure is made, by `report` and the command line.
-"""
+Matplotlib is slow to import, so this module is imported where a figure is made, by `report` and the
+command line."""
 
 from __future__ import annotations
 
@@ -54,13 +55,11 @@ def estimate_figure(
 
     Parameters
     ----------
-    t : (N,) times of the estimates, s
-    x_hat, x_true : (N, n) estimated and true states in one unit, NaN where unknown
-    history : times (K,), s, and states (K, n) of the recording, drawn shaded
-    names : n names of the states
-    quantity : label of the state axis, with its unit in brackets
-    errors : curves of the lower panel by label, (N,) each, in the state's unit; default |x_hat - x_true| per state
-    """
+    t : (N,) times of the estimates, s x_hat, x_true : (N, n) estimated and true states in one unit,
+    NaN where unknown history : times (K,), s, and states (K, n) of the recording, drawn shaded
+    names : n names of the states quantity : label of the state axis, with its unit in brackets
+    errors : curves of the lower panel by label, (N,) each, in the state's unit; default |x_hat -
+    x_true| per state"""
     colors: list[Any] = ["black", "tab:red", "tab:purple", "tab:brown"]
     if errors is None and x_true is not None:
         errors = {name: np.abs(x_hat[:, i] - x_true[:, i]) for i, name in enumerate(names)}
@@ -82,7 +81,8 @@ def estimate_figure(
 
 
 def pole_figure(model: AffineModel, placement: PolePlacement) -> Figure:
-    """Poles in the complex plane: of the identified A, of A_L as printed and of A + L C in the model."""
+    """Poles in the complex plane: of the identified A, of A_L as printed and of A + L C in the
+    model."""
     figure = Figure(figsize=(6.5, 6.5), layout="constrained")
     axes = figure.subplots()
     circle = np.exp(1j * np.linspace(0, 2 * np.pi, 400))
@@ -93,12 +93,18 @@ def pole_figure(model: AffineModel, placement: PolePlacement) -> Figure:
         (placement.poles, "o", "tab:orange", "A_L as printed, from data"),
     ]
     if placement.gain is not None:
-        kinds.append((placement.poles_identified, "s", "tab:green", "A + L C in the identified model"))
+        kinds.append(
+            (placement.poles_identified, "s", "tab:green", "A + L C in the identified model")
+        )
     for values, marker, color, label in kinds:
-        style: dict[str, Any] = {"color": color} if marker == "x" else {"facecolors": "none", "edgecolors": color}
+        style: dict[str, Any] = (
+            {"color": color} if marker == "x" else {"facecolors": "none", "edgecolors": color}
+        )
         axes.scatter(values.real, values.imag, 60, marker=marker, label=label, zorder=3, **style)
     extent = max([1.2, *(1.1 * abs(z) for values, *_ in kinds for z in values)])
-    axes.set(xlim=(-extent, extent), ylim=(-extent, extent), xlabel="real part", ylabel="imaginary part")
+    axes.set(
+        xlim=(-extent, extent), ylim=(-extent, extent), xlabel="real part", ylabel="imaginary part"
+    )
     axes.set_aspect("equal")
     axes.grid(alpha=0.3)
     axes.legend(loc="upper left", fontsize="small")
@@ -121,7 +127,8 @@ EDGE = 3e-8
 
 
 def tuning_figure(table: pd.DataFrame) -> Figure:
-    """Held-out error over the regularisation weight, a curve for each horizon and μ; choice and default marked."""
+    """Held-out error over the regularisation weight, a curve for each horizon and μ; choice and
+    default marked."""
     options = sorted(set(table["equilibrium"]))
     figure = Figure(figsize=(5.5 * len(options) + 1.5, 5), layout="constrained")
     panels = np.atleast_1d(figure.subplots(1, len(options), sharey=True))
@@ -135,18 +142,39 @@ def tuning_figure(table: pd.DataFrame) -> Figure:
         for (M, mu), curve in ridge.groupby(["horizon", "mu"]):
             curve = curve.sort_values("lambda/mu")
             color = _color(horizons.index(M))
-            axes.plot(curve["lambda/mu"], curve["error"], styles[mu], color=color, label=f"M = {M}, mu = {mu:.3g}")
+            axes.plot(
+                curve["lambda/mu"],
+                curve["error"],
+                styles[mu],
+                color=color,
+                label=f"M = {M}, mu = {mu:.3g}",
+            )
         (default,) = part[part["space"] == "auto"]["error"]
         axes.axhline(default, color="0.5", linewidth=1, label="default rule")
         ranks = part[part["space"].str.startswith("Truncated")]
         for M, cut in ranks.groupby("horizon"):
-            axes.scatter(np.full(len(cut), EDGE), cut["error"], 18, color=_color(horizons.index(M)), marker="_")
+            axes.scatter(
+                np.full(len(cut), EDGE),
+                cut["error"],
+                18,
+                color=_color(horizons.index(M)),
+                marker="_",
+            )
         refused = ridge[~np.isfinite(ridge["rated"])]
         if len(refused):
-            axes.scatter(refused["lambda/mu"], refused["error"], 24, marker="x", color="0.3", label="unstable: refused")
+            axes.scatter(
+                refused["lambda/mu"],
+                refused["error"],
+                24,
+                marker="x",
+                color="0.3",
+                label="unstable: refused",
+            )
         if chosen["equilibrium"] == option:
             x_chosen = chosen["lambda/mu"] if np.isfinite(chosen["lambda/mu"]) else EDGE
-            axes.scatter(x_chosen, chosen["error"], 140, marker="*", color="black", label="chosen", zorder=4)
+            axes.scatter(
+                x_chosen, chosen["error"], 140, marker="*", color="black", label="chosen", zorder=4
+            )
         axes.set(xscale="log", yscale="log")
         axes.set_xlabel("regularisation weight / mu (left edge: cuts at a rank, default rule)")
         if len(options) > 1:
@@ -158,7 +186,12 @@ def tuning_figure(table: pd.DataFrame) -> Figure:
 
 
 def _draw_states(
-    axes: Axes, t: Array, x_hat: Array, x_true: Array | None, history: tuple[Array, Array], names: Sequence[str]
+    axes: Axes,
+    t: Array,
+    x_hat: Array,
+    x_true: Array | None,
+    history: tuple[Array, Array],
+    names: Sequence[str],
 ) -> None:
     for i in range(len(names)):
         axes.plot(history[0], history[1][:, i], color=_color(i), **TRUTH)
@@ -170,7 +203,9 @@ def _draw_states(
     axes.grid(alpha=0.3)
 
 
-def _draw_errors(axes: Axes, t: Array, errors: Mapping[str, Array], quantity: str, colors: Sequence[Any]) -> None:
+def _draw_errors(
+    axes: Axes, t: Array, errors: Mapping[str, Array], quantity: str, colors: Sequence[Any]
+) -> None:
     for i, (label, error) in enumerate(errors.items()):
         visible = np.where(error > 0, error, np.nan)
         axes.plot(t, visible, color=colors[i % len(colors)], label=label, **ESTIMATE)
@@ -181,7 +216,8 @@ def _draw_errors(axes: Axes, t: Array, errors: Mapping[str, Array], quantity: st
 
 
 def _limit(axes: Axes, known: Array, x_hat: Array) -> None:
-    """Keep a diverging estimate from hiding the truth: at most three times the known range is shown."""
+    """Keep a diverging estimate from hiding the truth: at most three times the known range is
+    shown."""
     lo, hi = np.nanmin(known), np.nanmax(known)
     room = max(hi - lo, 1e-12 * max(abs(lo), abs(hi), 1.0))
     bottom, top = min(lo, np.nanmin(x_hat)), max(hi, np.nanmax(x_hat))
@@ -193,7 +229,9 @@ def shade(axes: Axes, t: Array) -> None:
 
 
 def _legend(axes: Axes, names: Sequence[str], truth: bool) -> None:
-    handles: list[Line2D | Patch] = [Line2D([], [], color=_color(i), label=name) for i, name in enumerate(names)]
+    handles: list[Line2D | Patch] = [
+        Line2D([], [], color=_color(i), label=name) for i, name in enumerate(names)
+    ]
     thick = "true" if truth else "recorded"
     handles += [
         Line2D([], [], color="0.2", label=thick, **TRUTH),
@@ -217,7 +255,8 @@ def sweep_figure(
     chosen: float | None = None,
     colors: Mapping[str, str] | None = None,
 ) -> Figure:
-    """Errors over a parameter on log axes: curves (K, 3) with the ends of the 90 % band about the median."""
+    """Errors over a parameter on log axes: curves (K, 3) with the ends of the 90 % band about the
+    median."""
     figure = Figure(figsize=(8, 4.8), layout="constrained")
     axes = figure.subplots()
     for k, (name, curve) in enumerate(curves.items()):
@@ -225,7 +264,9 @@ def sweep_figure(
         axes.plot(values, curve[:, 1], "o-", color=color, label=name)
         axes.fill_between(values, curve[:, 0], curve[:, 2], color=color, alpha=0.15, linewidth=0)
     medians = np.concatenate([curve[:, 1] for curve in curves.values()])
-    axes.set_ylim(0.1 * medians.min(), 30 * medians[np.isfinite(medians)].max())  # a band may end at infinity
+    axes.set_ylim(
+        0.1 * medians.min(), 30 * medians[np.isfinite(medians)].max()
+    )  # a band may end at infinity
     if chosen is not None:
         axes.axvline(chosen, color="0.5", linestyle=":", label="the paper's value")
     axes.set(xscale="log", yscale="log", xlabel=parameter, ylabel=quantity)
@@ -235,9 +276,13 @@ def sweep_figure(
 
 
 def heat_figure(
-    panels: Sequence[tuple[str, Array]], rows: tuple[str, Sequence[str]], columns: tuple[str, Sequence[str]], unit: str
+    panels: Sequence[tuple[str, Array]],
+    rows: tuple[str, Sequence[str]],
+    columns: tuple[str, Sequence[str]],
+    unit: str,
 ) -> Figure:
-    """Errors over two settings, a panel per (title, values (R, C)); logarithmic colours, numbers in the cells.
+    """Errors over two settings, a panel per (title, values (R, C)); logarithmic colours, numbers in
+    the cells.
 
     `rows` and `columns` are (label with unit, names of the values); infinite errors are left white.
     """
@@ -247,11 +292,15 @@ def heat_figure(
     ):
         finite = values[np.isfinite(values)]
         norm = LogNorm(finite.min(), min(finite.max(), 100 * finite.min()))
-        image = axes.imshow(np.where(np.isfinite(values), values, np.nan), norm=norm, cmap="viridis", aspect="auto")
+        image = axes.imshow(
+            np.where(np.isfinite(values), values, np.nan), norm=norm, cmap="viridis", aspect="auto"
+        )
         for (i, j), value in np.ndenumerate(values):
             text = f"{value:.2g}" if np.isfinite(value) and value < 1e4 else "large"
             dark = np.isfinite(value) and norm(value) < 0.6
-            axes.text(j, i, text, ha="center", va="center", fontsize=7, color="white" if dark else "black")
+            axes.text(
+                j, i, text, ha="center", va="center", fontsize=7, color="white" if dark else "black"
+            )
         axes.set_xticks(range(len(columns[1])), columns[1], fontsize=8)
         axes.set_yticks(range(len(rows[1])), rows[1], fontsize=8)
         axes.set(title=title, xlabel=columns[0])
@@ -277,13 +326,17 @@ def intervals_figure(
     for i, axes in enumerate(figure.subplots(len(names), 1, sharex=True, squeeze=False)[:, 0]):
         known = x[np.isfinite(x[:, i]), i]
         # bounds that have left the view, or all numbers, are not drawn
-        widest = 2 * min(float(np.min(0.5 * upper[:, i] - 0.5 * lower[:, i])) for lower, upper in bounds.values())
+        widest = 2 * min(
+            float(np.min(0.5 * upper[:, i] - 0.5 * lower[:, i])) for lower, upper in bounds.values()
+        )
         spread = float(np.ptp(known)) if len(known) else 30 * widest
         for k, (name, (lower, upper)) in enumerate(bounds.items()):
             near = 0.5 * upper[:, i] - 0.5 * lower[:, i] < 50 * max(spread, widest)
             for side, label in ((lower, name), (upper, None)):
                 color = _color(k) if colors is None else colors[name]
-                axes.plot(t, np.where(near, side[:, i], np.nan), color=color, label=label, **ESTIMATE)
+                axes.plot(
+                    t, np.where(near, side[:, i], np.nan), color=color, label=label, **ESTIMATE
+                )
             if not len(known):
                 known = (0.5 * lower[:, i] + 0.5 * upper[:, i])[near]
         if np.isfinite(x[:, i]).any():
@@ -298,14 +351,20 @@ def intervals_figure(
 
 
 def widths_figure(
-    t: Array, widths: Mapping[str, Array], names: Sequence[str], *, colors: Mapping[str, str] | None = None
+    t: Array,
+    widths: Mapping[str, Array],
+    names: Sequence[str],
+    *,
+    colors: Mapping[str, str] | None = None,
 ) -> Figure:
     """Full width (N, n) of each method's bounds over time on a log axis, a panel per state."""
     figure = Figure(figsize=(10, 3.4 * len(names)), layout="constrained")
     for i, axes in enumerate(figure.subplots(len(names), 1, sharex=True, squeeze=False)[:, 0]):
         for k, (name, width) in enumerate(widths.items()):
             color = _color(k) if colors is None else colors[name]
-            axes.plot(t, width[:, i], color=color, label=name, linestyle=["-", "--"][k % 2], linewidth=1.4)
+            axes.plot(
+                t, width[:, i], color=color, label=name, linestyle=["-", "--"][k % 2], linewidth=1.4
+            )
         axes.set(yscale="log", ylabel=f"full width of the bounds of {names[i]}")
         axes.grid(alpha=0.3)
     figure.axes[0].legend(fontsize="x-small", ncols=3, loc="upper right")

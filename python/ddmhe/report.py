@@ -48,7 +48,9 @@ def rmse(error: Array) -> Array:
     known = np.isfinite(error)
     squares = np.sum(np.where(known, error, 0.0) ** 2, axis=0)
     counts = known.sum(axis=0)
-    return np.asarray(np.sqrt(np.where(counts > 0, squares, np.nan) / np.maximum(counts, 1)), dtype=np.float64)
+    return np.asarray(
+        np.sqrt(np.where(counts > 0, squares, np.nan) / np.maximum(counts, 1)), dtype=np.float64
+    )
 
 
 def rmse_norm(error: Array) -> float:
@@ -58,22 +60,27 @@ def rmse_norm(error: Array) -> float:
 
 
 def nrmse(x_hat: Array, x: Array) -> Array:
-    """rms(x_hat - x)/std(x) of each column (N, n), (n,), over the rows where x is known: 1 is a constant's score.
+    """rms(x_hat - x)/std(x) of each column (N, n), (n,), over the rows where x is known: 1 is a
+    constant's score.
 
-    NaN for a column that never changes or is never known. One number for all states is their `root_mean_square`.
-    """
+    NaN for a column that never changes or is never known. One number for all states is their
+    `root_mean_square`."""
     error, spread = _squares(x_hat, x)
-    return np.asarray(np.sqrt(np.where(spread > 0, error, np.nan) / np.where(spread > 0, spread, 1.0)))
+    return np.asarray(
+        np.sqrt(np.where(spread > 0, error, np.nan) / np.where(spread > 0, spread, 1.0))
+    )
 
 
 def root_mean_square(values: Array) -> float:
-    """Root mean square of the numbers that are known, NaN without any: the one NRMSE of several states."""
+    """Root mean square of the numbers that are known, NaN without any: the one NRMSE of several
+    states."""
     known = values[~np.isnan(values)]
     return float(np.sqrt(np.mean(known**2))) if known.size else float("nan")
 
 
 def pooled_nrmse(x_hat: Array, x: Array) -> float:
-    """`nrmse` with errors and spreads pooled over all columns (N, n): for states of one unit; large ones count more.
+    """`nrmse` with errors and spreads pooled over all columns (N, n): for states of one unit; large
+    ones count more.
 
     The spread is taken about each column's own mean.
     """
@@ -82,11 +89,14 @@ def pooled_nrmse(x_hat: Array, x: Array) -> float:
 
 
 def _squares(x_hat: Array, x: Array) -> tuple[Array, Array]:
-    """Sums of squares over each column of the errors and of the deviations of x from its mean, where x is known."""
+    """Sums of squares over each column of the errors and of the deviations of x from its mean,
+    where x is known."""
     known = np.isfinite(x)
     counts = known.sum(axis=0)
     mean = np.where(known, x, 0.0).sum(axis=0) / np.maximum(counts, 1)
-    error, deviation = (np.sum(np.where(known, part, 0.0) ** 2, axis=0) for part in (x_hat - x, x - mean))
+    error, deviation = (
+        np.sum(np.where(known, part, 0.0) ** 2, axis=0) for part in (x_hat - x, x - mean)
+    )
     return error, deviation
 
 
@@ -103,7 +113,8 @@ def settings(est: DdMhe) -> dict[str, str]:
 
 
 def outcome(status: Iterable[str], active: Iterable[int]) -> dict[str, str]:
-    """How the steps ended, as label and text: count per status, share in which no bound was active."""
+    """How the steps ended, as label and text: count per status, share in which no bound was
+    active."""
     counts = Counter(str(s) for s in status)
     free = [i == 0 for i in active]
     return {
@@ -113,7 +124,8 @@ def outcome(status: Iterable[str], active: Iterable[int]) -> dict[str, str]:
 
 
 def table(title: str, columns: Mapping[str, Mapping[str, str]]) -> Table:
-    """A table with one row per label and one column per mapping; an empty name makes a column without heading."""
+    """A table with one row per label and one column per mapping; an empty name makes a column
+    without heading."""
     names = list(columns)
     result = Table("", *names, title=title, title_justify="left", show_header=any(names))
     labels = list(dict.fromkeys(label for column in columns.values() for label in column))
@@ -123,12 +135,19 @@ def table(title: str, columns: Mapping[str, Mapping[str, str]]) -> Table:
 
 
 def design(
-    title: str, history: History, model: AffineModel, placement: PolePlacement, certificate: Certificate
+    title: str,
+    history: History,
+    model: AffineModel,
+    placement: PolePlacement,
+    certificate: Certificate,
 ) -> Table:
     """What a design found: the model, Algorithm 2 as printed and recomputed, the certificate."""
 
     def poles(values: Any) -> str:
-        return ", ".join(f"{z.real:.4g}{z.imag:+.4g}j" if z.imag else f"{z.real:.4g}" for z in values) or "none"
+        return (
+            ", ".join(f"{z.real:.4g}{z.imag:+.4g}j" if z.imag else f"{z.real:.4g}" for z in values)
+            or "none"
+        )
 
     def number(value: float) -> str:
         return f"{value:.4g}" if np.isfinite(value) else "none"
@@ -164,25 +183,50 @@ def observer_design(design: ObserverDesign) -> dict[str, str]:
 
 
 def scores(title: str, best: pd.DataFrame) -> Table:
-    """The rows of a tuning's table, short: errors on held-out quarters, relative to the spread of the states."""
-    result = Table("M", "mu", "space", "rest", "error", "in the quarters", "radius", title=title, title_justify="left")
+    """The rows of a tuning's table, short: errors on held-out quarters, relative to the spread of
+    the states."""
+    result = Table(
+        "M",
+        "mu",
+        "space",
+        "rest",
+        "error",
+        "in the quarters",
+        "radius",
+        title=title,
+        title_justify="left",
+    )
     for row in best.to_dict("records"):
         weight = row["lambda/mu"]
         space = row["space"] if np.isnan(weight) else f"ridge {weight:.0e} mu"
         quarters = " ".join(f"{row[key]:.1e}" for key in row if str(key).startswith("quarter"))
-        cells = [str(row["horizon"]), f"{row['mu']:.2g}", space, "yes" if row["equilibrium"] else "no"]
-        result.add_row(*cells, f"{np.exp(row['score']):.2e}", quarters, f"{row['spectral radius']:.3f}")
+        cells = [
+            str(row["horizon"]),
+            f"{row['mu']:.2g}",
+            space,
+            "yes" if row["equilibrium"] else "no",
+        ]
+        result.add_row(
+            *cells, f"{np.exp(row['score']):.2e}", quarters, f"{row['spectral radius']:.3f}"
+        )
     return result
 
 
 def promise(title: str, tuning: Tuning, names: Sequence[str]) -> Table:
-    """What a tuning promises of each state, in its unit, and whether it is better than the default rule there."""
-    result = Table("state", "rms error", "range", "against the default rule", title=title, title_justify="left")
+    """What a tuning promises of each state, in its unit, and whether it is better than the default
+    rule there."""
+    result = Table(
+        "state", "rms error", "range", "against the default rule", title=title, title_justify="left"
+    )
     kept = "horizon" not in tuning.settings and "equilibrium" not in tuning.settings
-    for name, error, low, high, ratio in zip(names, tuning.promise, *tuning.range, tuning.ratio, strict=True):
+    for name, error, low, high, ratio in zip(
+        names, tuning.promise, *tuning.range, tuning.ratio, strict=True
+    ):
         against = "cannot tell" if kept or np.isnan(ratio) else f"{ratio:.2g} times its error"
         known = "unknown" if np.isnan(error) else f"{error:.3g}"
-        result.add_row(name, known, f"{low:.2g} to {high:.2g}" if np.isfinite(high) else "unknown", against)
+        result.add_row(
+            name, known, f"{low:.2g} to {high:.2g}" if np.isfinite(high) else "unknown", against
+        )
     return result
 
 
@@ -192,8 +236,15 @@ def markdown(title: str, tables: Sequence[Table]) -> str:
     for table in tables:
         header = [str(column.header) for column in table.columns]
         rows = zip(*(map(str, column.cells) for column in table.columns), strict=True)
-        lines += [f"{table.title}", "", "| " + " | ".join(header) + " |", "|" + " --- |" * len(header)]
-        lines += ["| " + " | ".join(cell.replace("|", "\\|") for cell in row) + " |" for row in rows]
+        lines += [
+            f"{table.title}",
+            "",
+            "| " + " | ".join(header) + " |",
+            "|" + " --- |" * len(header),
+        ]
+        lines += [
+            "| " + " | ".join(cell.replace("|", "\\|") for cell in row) + " |" for row in rows
+        ]
         lines.append("")
     return "\n".join(lines)
 

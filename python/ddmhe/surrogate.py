@@ -1,12 +1,13 @@
-"""A quadratic stand-in for the recorded system: motions on which settings can be rehearsed beyond the recording.
+"""A quadratic stand-in for the recorded system: motions on which settings can be rehearsed beyond
+the recording.
 
     z(k+1) = z(k) + Θᵀ[1; z(k); z(k) ⊗ z(k)],   y(k) = Cᵀ[1; z(k)]
 
-with z the state relative to a known rest (then without the ones: the rest stays one) or to the recording's mean.
-Rigid bodies turn like this (Euler's equations are quadratic), and any smooth motion does to second order. The
-parameters minimise the simulation error of the whole recording, in units of its noise, with a weak prior; others that
-fit as well are found by fitting disturbed data. It serves to choose settings, never to estimate.
-"""
+with z the state relative to a known rest (then without the ones: the rest stays one) or to the
+recording's mean. Rigid bodies turn like this (Euler's equations are quadratic), and any smooth
+motion does to second order. The parameters minimise the simulation error of the whole recording, in
+units of its noise, with a weak prior; others that fit as well are found by fitting disturbed data.
+It serves to choose settings, never to estimate."""
 
 from __future__ import annotations
 
@@ -41,21 +42,25 @@ class Surrogate:
         self._size_x = float(np.sqrt(np.mean((x - self._x_0) ** 2)))
         self._size_y = float(np.sqrt(np.mean((y - self._y_0) ** 2))) or 1.0
         self._pairs = np.triu_indices(self._n)
-        self.noise_x, self.noise_y = (float(np.sqrt(np.mean(noise**2))) for noise in noise_levels(History(x, y)))
+        self.noise_x, self.noise_y = (
+            float(np.sqrt(np.mean(noise**2))) for noise in noise_levels(History(x, y))
+        )
         """Standard deviations of the recording's noise, pooled over channels."""
         self._z, self._u = (x - self._x_0) / self._size_x, (y - self._y_0) / self._size_y
         self._reach = REACH * float(np.linalg.norm(self._z, axis=1).max())
         self._fit()
 
     def draw(self, rng: np.random.Generator) -> Array:
-        """Parameters that fit as well: those of the best fit to data and prior disturbed by their noise.
+        """Parameters that fit as well: those of the best fit to data and prior disturbed by their
+        noise.
 
-        To first order a draw from the posterior. Unlike one from the Gauss-Newton covariance it passes through the
-        data where the motion is not linear in the parameters, and depends on them continuously: another rounding
-        makes no other draw.
-        """
+        To first order a draw from the posterior. Unlike one from the Gauss-Newton covariance it
+        passes through the data where the motion is not linear in the parameters, and depends on
+        them continuously: another rounding makes no other draw."""
         scale = np.sqrt(max(self.misfit, 1.0))
-        return self._minimise(self.best, scale * rng.standard_normal(len(self._residuals(self.best))))
+        return self._minimise(
+            self.best, scale * rng.standard_normal(len(self._residuals(self.best)))
+        )
 
     def motion(self, parameters: Array, steps: int) -> tuple[Array, Array]:
         """States (N+1, n) and outputs (N, p) from the recording's start, without noise.
@@ -70,11 +75,15 @@ class Surrogate:
                 break
             states.append(z)
         path = np.array(states)
-        return path * self._size_x + self._x_0, self._outputs(path[:-1]) @ C * self._size_y + self._y_0
+        return path * self._size_x + self._x_0, self._outputs(
+            path[:-1]
+        ) @ C * self._size_y + self._y_0
 
     def _features(self, z: Array) -> Array:
         """([1], z, products of z) along the last axis."""
-        return np.concatenate([self._outputs(z), z[..., self._pairs[0]] * z[..., self._pairs[1]]], axis=-1)
+        return np.concatenate(
+            [self._outputs(z), z[..., self._pairs[0]] * z[..., self._pairs[1]]], axis=-1
+        )
 
     def _outputs(self, z: Array) -> Array:
         """([1], z) along the last axis."""
@@ -83,7 +92,11 @@ class Surrogate:
     def _split(self, parameters: Array) -> tuple[Array, Array, Array]:
         """z(0) (n,), Θ (m, n), C (q, p)."""
         n, m = self._n, self._count
-        return parameters[:n], parameters[n : n + m * n].reshape(m, n), parameters[n + m * n :].reshape(-1, self._p)
+        return (
+            parameters[:n],
+            parameters[n : n + m * n].reshape(m, n),
+            parameters[n + m * n :].reshape(-1, self._p),
+        )
 
     def _fit(self) -> None:
         self._count = self._features(self._z[:1]).shape[1]
@@ -92,7 +105,8 @@ class Surrogate:
         self.best = self._minimise(self._start(), 0.0)
         """Parameters of the best fit."""
         self.misfit = float(np.mean(self._residuals(self.best) ** 2))
-        """Mean squared residual in units of the noise: near 1 for a recording that the model explains."""
+        """Mean squared residual in units of the noise: near 1 for a recording that the model
+        explains."""
 
     def _minimise(self, start: Array, disturbance: Array | float) -> Array:
         def residuals(parameters: Array) -> Array:
@@ -117,7 +131,8 @@ class Surrogate:
         return np.concatenate([z[0], theta.ravel(), C.ravel()])
 
     def _path(self, z: Array, theta: Array) -> Array:
-        """States of the motion over the recording (T+1, n); a trial step of the optimiser must stay finite."""
+        """States of the motion over the recording (T+1, n); a trial step of the optimiser must stay
+        finite."""
         path = [z]
         for _ in range(len(self._u)):
             z = np.clip(z + self._features(z) @ theta, -10 * self._reach, 10 * self._reach)
@@ -133,7 +148,8 @@ class Surrogate:
         return np.concatenate([errors_x.ravel(), errors_y.ravel(), theta.ravel() / self._prior])
 
     def _jacobian(self, parameters: Array) -> Array:
-        """Derivatives of the residuals: the sensitivity S = ∂z/∂parameters runs along with the motion."""
+        """Derivatives of the residuals: the sensitivity S = ∂z/∂parameters runs along with the
+        motion."""
         n, m, p = self._n, self._count, self._p
         z, theta, C = self._split(parameters)
         path = self._path(z, theta)
@@ -157,5 +173,8 @@ class Surrogate:
             slope_y[:, c, n + m * n + c :: p] += outputs
         prior = np.zeros((m * n, len(parameters)))
         prior[:, n : n + m * n] = np.eye(m * n) / self._prior
-        parts = (S.reshape(-1, len(parameters)) / self._weight_x, slope_y.reshape(-1, len(parameters)) / self._weight_y)
+        parts = (
+            S.reshape(-1, len(parameters)) / self._weight_x,
+            slope_y.reshape(-1, len(parameters)) / self._weight_y,
+        )
         return np.concatenate([*parts, prior])

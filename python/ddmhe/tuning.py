@@ -1,28 +1,31 @@
 """Settings from the recording alone: `tune` tries many where the answer is known and picks one.
 
-*Held-out quarters.* Each quarter of the recording is held out once; the estimator learns from the rest (as two
-recordings, no window across the seam; the part before the quarter last, so that it starts with a full window) and
-estimates the quarter from its outputs, brought to the online noise. The score is the mean over the quarters of
-log(root mean square over states of rms error / spread); states of one unit share a spread. Horizons beyond a quarter
-score alike: the window hardly moves.
+*Held-out quarters.* Each quarter of the recording is held out once; the estimator learns from the
+rest (as two recordings, no window across the seam; the part before the quarter last, so that it
+starts with a full window) and estimates the quarter from its outputs, brought to the online noise.
+The score is the mean over the quarters of log(root mean square over states of rms error / spread);
+states of one unit share a spread. Horizons beyond a quarter score alike: the window hardly moves.
 
-*Rehearsals.* Quarters lie inside of the recorded region, and the estimator is to leave it. So a quadratic surrogate
-of the recorded motion (`surrogate`) and others that fit as well are recorded and run on for five times
-the recording, with its noise; the score is the mean log error over one, two and five times T. They are used when the
-recording shows its whole state (small misfit of the default rule) and the surrogate explains it.
+*Rehearsals.* Quarters lie inside of the recorded region, and the estimator is to leave it. So a
+quadratic surrogate of the recorded motion (`surrogate`) and others that fit as well are recorded
+and run on for five times the recording, with its noise; the score is the mean log error over one,
+two and five times T. They are used when the recording shows its whole state (small misfit of the
+default rule) and the surrogate explains it.
 
-*Beyond doubt or not at all.* What wins among a hundred settings looks better than it is. So the parts that choose never
-judge: each quarter and each rehearsal is left out once, the best setting of the others is picked (scores averaged over
-neighbouring regularisation weights: a minimum that its neighbours do not share is luck), and its error on the part left
-out is compared with the default rule's. The default rule is left only where these gains are there in every part, and
-their mean, less one standard error, is more than MARGIN; quarters alone decide where there are no rehearsals, else
-rehearsals decide and the quarters may not speak against it. A quarter taken out of the middle costs more windows than
-its samples, long windows most. So what was picked is run once more on ends of the recording, learnt from all before
-them, which took no part in the choice: they have to show the same. Settings whose map from prior to estimate is
-unstable are refused. `make study-tuning` compares the result with the best settings in hindsight.
+*Beyond doubt or not at all.* What wins among a hundred settings looks better than it is. So the
+parts that choose never judge: each quarter and each rehearsal is left out once, the best setting of
+the others is picked (scores averaged over neighbouring regularisation weights: a minimum that its
+neighbours do not share is luck), and its error on the part left out is compared with the default
+rule's. The default rule is left only where these gains are there in every part, and their mean,
+less one standard error, is more than MARGIN; quarters alone decide where there are no rehearsals,
+else rehearsals decide and the quarters may not speak against it. A quarter taken out of the middle
+costs more windows than its samples, long windows most. So what was picked is run once more on ends
+of the recording, learnt from all before them, which took no part in the choice: they have to show
+the same. Settings whose map from prior to estimate is unstable are refused. `make study-tuning`
+compares the result with the best settings in hindsight.
 
-*Promise.* The ends give the held-out error of each state; their scatter and the rehearsals give its range.
-"""
+*Promise.* The ends give the held-out error of each state; their scatter and the rehearsals give its
+range."""
 
 from __future__ import annotations
 
@@ -41,7 +44,17 @@ from rich.console import Console
 from rich.progress import Progress
 from threadpoolctl import threadpool_limits
 
-from ddmhe._core import DdMhe, DdmheError, History, RankError, Ridge, ShapeError, Truncated, numbers, validate
+from ddmhe._core import (
+    DdMhe,
+    DdmheError,
+    History,
+    RankError,
+    Ridge,
+    ShapeError,
+    Truncated,
+    numbers,
+    validate,
+)
 from ddmhe.arguments import check_finite, check_flag, check_history, shown
 from ddmhe.design.model import noise_levels
 from ddmhe.surrogate import Surrogate
@@ -50,7 +63,8 @@ from ddmhe.units import shared
 Array = NDArray[np.float64]
 
 Fold = tuple[History, Array, Array, Array, list[int], Array]
-"""Recording to learn from, prior, outputs to estimate from, true states, numbers of estimates per error, spreads."""
+"""Recording to learn from, prior, outputs to estimate from, true states, numbers of estimates per
+error, spreads."""
 _Score = tuple[list[float], float]
 """Mean squared relative errors of a fold's spans, spectral radius."""
 
@@ -58,15 +72,18 @@ __all__ = ["Tuning", "tune"]
 
 QUARTERS = 4
 ORIGINS = (0.6, 0.7, 0.8, 0.9)
-"""Ends of the first parts of the recording that are learnt from, as shares of T, to judge what follows them."""
+"""Ends of the first parts of the recording that are learnt from, as shares of T, to judge what
+follows them."""
 RHO = 0.95
 """Discount of every candidate: anything from 0.9 to 0.97 does."""
 HIDDEN = 1e-2
-"""A default λ/μ above this (a third of the variance unexplained) means hidden states: other settings are tried."""
+"""A default λ/μ above this (a third of the variance unexplained) means hidden states: other
+settings are tried."""
 HORIZONS = {False: (0.05, 0.1, 0.2), True: (0.13, 0.27, 0.4)}
 """Horizons to try as shares of T, without and with hidden states."""
 LONGEST = 100
-"""Longest horizon to try, as in the default rule: with RHO older samples weigh less than 0.6 %, and the work grows with
+"""Longest horizon to try, as in the default rule: with RHO older samples weigh less than 0.6 %, and
+the work grows with
 the third power. The shares are of no longer a recording than the one that reaches it."""
 MU = {False: (0.03, 0.3), True: (0.1, 1.0)}
 """μ to try, in units of the recording's spread."""
@@ -87,7 +104,8 @@ GUARD = 1.005
 FEWEST = 10
 """Samples of a quarter below which it shows nothing beyond doubt."""
 MARGIN = {"rehearsals": 0.3, "quarters": 0.5}
-"""What the log error has to be smaller by than the default rule's, by what decides. On measured pendulums
+"""What the log error has to be smaller by than the default rule's, by what decides. On measured
+pendulums
 (T = 150) gains of a third that all four quarters shared were losses later."""
 
 RANGE = {
@@ -99,47 +117,61 @@ RANGE = {
     "hi horizon": 1.0,
     "rehearsed": 0.8,
 }
-"""Range of later errors in logs about the held-out one: constants, per standard deviation of the held-out
-ends about their trend, per horizon/T (long windows leave few of them when an end is left out: the held-out
-error is too large, or too small where the long window fails later), and about the largest error of the
-rehearsals but one. Chosen so that nine in ten errors of what they were shaped on lie inside."""
+"""Range of later errors in logs about the held-out one: constants, per standard deviation of the
+held-out
+ends about their trend, per horizon/T (long windows leave few of them when an end is left out: the
+held-out error is too large, or too small where the long window fails later), and about the largest
+error of the rehearsals but one. Chosen so that nine in ten errors of what they were shaped on lie
+inside."""
 CLEAN = 0.2
-"""Smallest share of the held-out error that is left when the noise of the recorded states is taken off: it is none of
+"""Smallest share of the held-out error that is left when the noise of the recorded states is taken
+off: it is none of
 the estimates'."""
 ROUNDING = 1e-9
-"""No score is smaller than this share of a state's spread, no range ends below this share of its largest number."""
+"""No score is smaller than this share of a state's spread, no range ends below this share of its
+largest number."""
 
 
 @dataclass(frozen=True, eq=False)
 class Tuning:
-    """The settings that were chosen and why; the estimator takes them as `DdMhe(h, **tuning.settings)`, and as
-    `DdMhe(h, **tuning.settings, start=tuning.start)` for a run that goes on where the recording ends."""
+    """The settings that were chosen and why; the estimator takes them as `DdMhe(h,
+    **tuning.settings)`, and as
+    `DdMhe(h, **tuning.settings, start=tuning.start)` for a run that goes on where the recording
+    ends."""
 
     settings: dict[str, Any]
-    """Keywords of DdMhe that hold for every start: none where the default rule is kept, else horizon, rho,
+    """Keywords of DdMhe that hold for every start: none where the default rule is kept, else
+    horizon, rho,
     mu, weights and space; and equilibrium where it was chosen."""
     score: float
-    """Mean over the quarters of log(rms error / spread of the states): 0 is no better than their mean."""
+    """Mean over the quarters of log(rms error / spread of the states): 0 is no better than their
+    mean."""
     table: pd.DataFrame
-    """One row per candidate, the chosen one first, then best first: its settings, its score, what it was ranked by, the
+    """One row per candidate, the chosen one first, then best first: its settings, its score, what
+    it was ranked by, the
     error in each quarter relative to the spread, and the spectral radius."""
     words: str
-    """How far the choice can be trusted; where the default rule is kept, that the recording cannot tell."""
+    """How far the choice can be trusted; where the default rule is kept, that the recording cannot
+    tell."""
     start: Literal["recording", "state"]
-    """For a run that goes on where the recording ends: filled from there, which holds what the last recorded
+    """For a run that goes on where the recording ends: filled from there, which holds what the last
+    recorded
     state holds and more."""
     candidates: list[dict[str, Any]]
     """Keywords of DdMhe of each row of the table."""
     warnings: list[str]
     """What an estimator with these settings says of them and of the recording."""
     promise: Array
-    """Error of each state (n,), root mean square, in its unit: with `settings` and `start`, on ends of the
+    """Error of each state (n,), root mean square, in its unit: with `settings` and `start`, on ends
+    of the
     recording that were not learnt from. NaN for a recording too short to hold ends out."""
     range: tuple[Array, Array]
-    """(lo, hi), each (n,): where the rms error of each state is expected to stay in nine of ten runs as long
+    """(lo, hi), each (n,): where the rms error of each state is expected to stay in nine of ten
+    runs as long
     as the recording; hi is infinite where nothing tells."""
     ratio: Array
-    """`promise` over that of the default rule (n,); NaN where the recording cannot tell which is better for
+    """`promise` over that of the default rule (n,); NaN where the recording cannot tell which is
+    better for
     this state, 1 where the default rule was kept."""
     horizon: int
     """Horizon M in force, as `rho`, `mu` (in scaled units) and the trajectory space."""
@@ -165,7 +197,8 @@ class _Candidate:
     """log(rms/spread) of each rehearsal, mean over its spans; None without."""
     rated: float = math.inf
     smoothed: Array | None = None
-    """log(rms/spread) of each quarter and each rehearsal, mean over neighbouring weights; None for an unstable one."""
+    """log(rms/spread) of each quarter and each rehearsal, mean over neighbouring weights; None for
+    an unstable one."""
 
     @property
     def equilibrium(self) -> bool:
@@ -190,18 +223,21 @@ def tune(
     equilibrium: tuple[ArrayLike, ArrayLike] | None = None,
     progress: bool | Callable[[int, int], object] | None = None,
 ) -> Tuning:
-    """Settings from the recording alone: the default rule's, unless it shows others to be better beyond doubt.
+    """Settings from the recording alone: the default rule's, unless it shows others to be better
+    beyond doubt.
 
     Parameters
     ----------
     history : History
         One recording of at least 20 samples, or several, of which the longest is used to validate.
     output_noise : float or array (p,)
-        Standard deviation of the online outputs' noise, in their unit. Default: that of the recorded ones.
+        Standard deviation of the online outputs' noise, in their unit. Default: that of the
+        recorded ones.
     equilibrium : (x_e, y_e)
         A known rest; whether it helps is part of the choice.
     progress : bool or function
-        A progress bar on stderr (default: if that is a terminal), or what is called with (parts done, parts in all).
+        A progress bar on stderr (default: if that is a terminal), or what is called with (parts
+        done, parts in all).
 
     Raises
     ------
@@ -210,8 +246,8 @@ def tune(
     DdmheError, ShapeError
         Wrong arguments.
     KeyboardInterrupt
-        Within a second of Ctrl-C. Its attribute `finished` is the Tuning by the horizons that were scored in full by
-        then, None if there are none.
+        Within a second of Ctrl-C. Its attribute `finished` is the Tuning by the horizons that were
+        scored in full by then, None if there are none.
     """
     check_history(history)
     if progress is not None and not callable(progress):
@@ -222,7 +258,9 @@ def tune(
     longest = int(np.argmax([len(y) for _, y in history.recordings]))
     T = len(history.recordings[longest][1])
     if T < 20:
-        raise RankError(f"history: expected a recording of at least 20 samples to hold parts of it out, found {T}")
+        raise RankError(
+            f"history: expected a recording of at least 20 samples to hold parts of it out, found {T}"
+        )
     search = _Search(history, longest)
     try:
         # threads of BLAS would only wait for each other
@@ -242,7 +280,8 @@ class _Search:
         self.ends: list[Fold] = []
         self.rehearsals: list[Fold] = []
         self.order: list[_Candidate] = []
-        """The default rule first, then horizon by horizon: what an interrupt leaves can be compared."""
+        """The default rule first, then horizon by horizon: what an interrupt leaves can be
+        compared."""
         self.results: Sequence[_Score | None] = []
         """Of each candidate's jobs, in order, once all are there."""
 
@@ -255,12 +294,20 @@ class _Search:
     ) -> Tuning:
         """All of it."""
         history, longest = self.history, self.longest
-        candidates, reference = _candidates(history, len(history.recordings[longest][1]), equilibrium)
+        candidates, reference = _candidates(
+            history, len(history.recordings[longest][1]), equilibrium
+        )
         self.order = sorted(candidates, key=lambda c: (c is not candidates[0], c.horizon))
         spread = self.spread
         self.ends = _origins(history, longest, extra, spread)
-        last, none = history.recordings[-1][0][-1], (np.zeros((0, history.p)), np.zeros((0, history.n)))
-        folds: list[Fold] = [(history, last, *none, [], spread), *_quarters(history, longest, extra, spread)]
+        last, none = (
+            history.recordings[-1][0][-1],
+            (np.zeros((0, history.p)), np.zeros((0, history.n))),
+        )
+        folds: list[Fold] = [
+            (history, last, *none, [], spread),
+            *_quarters(history, longest, extra, spread),
+        ]
         parts = 0 if reference > HIDDEN else DRAWS
         if parts:
             total = parts + len(candidates) * (len(folds) + DRAWS)
@@ -268,10 +315,14 @@ class _Search:
                 history, longest, output_noise, equilibrium, spread, lambda d: report(d, total)
             )
             folds += self.rehearsals
-        # A start from the recording's end saves the short windows: for the spectral radius and where a fold
-        # continues its own recording.
+        # A start from the recording's end saves the short windows: for the spectral radius and
+        # where a fold continues its own recording.
         starts = ["state" if fold == 1 else "recording" for fold in range(len(folds))]
-        jobs = [(fold, c.given | {"start": start}) for c in self.order for fold, start in enumerate(starts)]
+        jobs = [
+            (fold, c.given | {"start": start})
+            for c in self.order
+            for fold, start in enumerate(starts)
+        ]
         total = parts + len(jobs)
         self.results = validate(folds, jobs, lambda done: report(parts + done, total))
         report(total, total)
@@ -283,13 +334,16 @@ class _Search:
         return _tuning(self, ranked, self.order[0])
 
     def so_far(self, found: Sequence[_Score | None]) -> Tuning | None:
-        """The choice among the horizons of which every setting was scored; None without the default rule's score.
+        """The choice among the horizons of which every setting was scored; None without the default
+        rule's score.
 
         `found` are the results by now if they are not all there.
         """
         order, results = self.order, self.results or found
         each = len(results) // len(order) if order else 0
-        whole = [each > 0 and None not in results[k * each : (k + 1) * each] for k in range(len(order))]
+        whole = [
+            each > 0 and None not in results[k * each : (k + 1) * each] for k in range(len(order))
+        ]
         if not (whole and whole[0]):
             return None
         cut = {c.horizon for c, scored in zip(order[1:], whole[1:], strict=True) if not scored}
@@ -337,7 +391,8 @@ def _spreads(values: Array, units: list[str]) -> Array:
 def _candidates(
     history: History, T: int, equilibrium: tuple[ArrayLike, ArrayLike] | None
 ) -> tuple[list[_Candidate], float]:
-    """The default rule and a grid, with and without the equilibrium if it can be used; and the default rule's λ/μ."""
+    """The default rule and a grid, with and without the equilibrium if it can be used; and the
+    default rule's λ/μ."""
     default = DdMhe(history, start="recording")
     reference = max(default.ridge / default.mu, LAMBDA[0])
     hidden = reference > HIDDEN
@@ -378,20 +433,26 @@ def _check_rest(history: History, equilibrium: Any) -> None:
 
 
 def _extra_noise(history: History, output_noise: ArrayLike | None) -> Array:
-    """Standard deviation (p,) to add to recorded outputs so that they are as noisy as the online ones."""
+    """Standard deviation (p,) to add to recorded outputs so that they are as noisy as the online
+    ones."""
     if output_noise is None:
         return np.zeros(history.p)
     stated = numbers("output_noise", output_noise)
     if stated.shape not in ((), (history.p,)):
-        raise ShapeError(f"output_noise: expected a number or {history.p} numbers, found shape {stated.shape}")
+        raise ShapeError(
+            f"output_noise: expected a number or {history.p} numbers, found shape {stated.shape}"
+        )
     if not (np.isfinite(stated).all() and (stated >= 0).all()):
-        raise DdmheError(f"output_noise: expected finite numbers of at least 0, found {shown(output_noise)}")
+        raise DdmheError(
+            f"output_noise: expected finite numbers of at least 0, found {shown(output_noise)}"
+        )
     recorded = noise_levels(history)[1]
     return np.asarray(np.sqrt(np.maximum(stated**2 - recorded**2, 0.0)))
 
 
 def _quarters(history: History, longest: int, extra: Array, spread: Array) -> list[Fold]:
-    """Each quarter of the longest recording held out once; what was recorded right before it comes last."""
+    """Each quarter of the longest recording held out once; what was recorded right before it comes
+    last."""
     recordings = history.recordings
     x, y = recordings[longest]
     others = [_like(history, a, b) for i, (a, b) in enumerate(recordings) if i != longest]
@@ -401,7 +462,9 @@ def _quarters(history: History, longest: int, extra: Array, spread: Array) -> li
     for q in range(QUARTERS):
         a, z = q * T // QUARTERS, (q + 1) * T // QUARTERS
         rest = [_like(history, x[i : j + 1], y[i:j]) for i, j in ((z, T), (0, a)) if j - i >= 2]
-        folds.append((History.concat(others + rest), x[a], noisy[a:z], x[a + 1 : z + 1], [z - a], spread))
+        folds.append(
+            (History.concat(others + rest), x[a], noisy[a:z], x[a + 1 : z + 1], [z - a], spread)
+        )
     return folds
 
 
@@ -413,7 +476,8 @@ def _rehearsals(
     spread: Array,
     report: Callable[[int], object],
 ) -> list[Fold]:
-    """Recordings of surrogates and what follows them, with the recording's noise; none if no surrogate explains it."""
+    """Recordings of surrogates and what follows them, with the recording's noise; none if no
+    surrogate explains it."""
     x, y = history.recordings[longest]
     T, n = len(y), history.n
     # in units of the spreads, so that no channel's unit weighs
@@ -428,13 +492,19 @@ def _rehearsals(
     if not surrogate.misfit < EXPLAINED:
         return []
     noise_x, noise_y = _least_noise(surrogate, x / spread, y / scale)
-    online = noise_y if output_noise is None else float(np.sqrt(np.mean(np.square(np.asarray(output_noise) / scale))))
+    online = (
+        noise_y
+        if output_noise is None
+        else float(np.sqrt(np.mean(np.square(np.asarray(output_noise) / scale))))
+    )
     folds: list[Fold] = []
     for d in range(DRAWS):
         report(d)
         rng = np.random.default_rng(d)
         steps = (1 + max(SPANS)) * T
-        motion, outputs = _drawn_motion(surrogate, rng, steps) if d else surrogate.motion(surrogate.best, steps)
+        motion, outputs = (
+            _drawn_motion(surrogate, rng, steps) if d else surrogate.motion(surrogate.best, steps)
+        )
         if len(outputs) < T + T // 4:
             continue
         recorded = motion[: T + 1] + noise_x * rng.standard_normal((T + 1, n))
@@ -448,7 +518,8 @@ def _rehearsals(
 
 
 def _least_noise(surrogate: Surrogate, x: Array, y: Array) -> tuple[float, float]:
-    """Noise of x and y: no more than the best motion leaves unexplained, for fast motions look like noise, too."""
+    """Noise of x and y: no more than the best motion leaves unexplained, for fast motions look like
+    noise, too."""
     motion, outputs = surrogate.motion(surrogate.best, len(y))
     if len(outputs) < len(y):
         return surrogate.noise_x, surrogate.noise_y
@@ -456,18 +527,25 @@ def _least_noise(surrogate: Surrogate, x: Array, y: Array) -> tuple[float, float
     return min(surrogate.noise_x, next(left)), min(surrogate.noise_y, next(left))
 
 
-def _drawn_motion(surrogate: Surrogate, rng: np.random.Generator, steps: int) -> tuple[Array, Array]:
-    """Of the first of TRIALS draws whose motion stays in reach, or else of the one that does so longest."""
+def _drawn_motion(
+    surrogate: Surrogate, rng: np.random.Generator, steps: int
+) -> tuple[Array, Array]:
+    """Of the first of TRIALS draws whose motion stays in reach, or else of the one that does so
+    longest."""
     longest = surrogate.motion(surrogate.draw(rng), steps)
     for _ in range(TRIALS - 1):
         if len(longest[1]) == steps:
             break
-        longest = max(longest, surrogate.motion(surrogate.draw(rng), steps), key=lambda found: len(found[1]))
+        longest = max(
+            longest, surrogate.motion(surrogate.draw(rng), steps), key=lambda found: len(found[1])
+        )
     return longest
 
 
 @contextmanager
-def _shown(progress: bool | Callable[[int, int], object] | None) -> Iterator[Callable[[int, int], object]]:
+def _shown(
+    progress: bool | Callable[[int, int], object] | None,
+) -> Iterator[Callable[[int, int], object]]:
     """What is told (parts done, parts in all): the caller's function, or a bar."""
     if callable(progress):
         yield progress
@@ -480,13 +558,19 @@ def _shown(progress: bool | Callable[[int, int], object] | None) -> Iterator[Cal
 
 def _rate(candidates: list[_Candidate]) -> None:
     """Smoothed errors, and what candidates are ranked by; inf for unstable ones."""
-    by_key = {(c.horizon, c.mu, c.weight, c.equilibrium): c for c in candidates if c.weight is not None}
-    stable = [c for c in candidates if c.radius <= GUARD] or [c for c in candidates if math.isfinite(c.radius)]
+    by_key = {
+        (c.horizon, c.mu, c.weight, c.equilibrium): c for c in candidates if c.weight is not None
+    }
+    stable = [c for c in candidates if c.radius <= GUARD] or [
+        c for c in candidates if math.isfinite(c.radius)
+    ]
     for c in stable:
         near = [c]
         if c.weight is not None:
             k = LAMBDA.index(c.weight)
-            near = [by_key[c.horizon, c.mu, w, c.equilibrium] for w in LAMBDA[max(k - 1, 0) : k + 2]]
+            near = [
+                by_key[c.horizon, c.mu, w, c.equilibrium] for w in LAMBDA[max(k - 1, 0) : k + 2]
+            ]
         near = [other for other in near if math.isfinite(other.score)] or [c]
         c.smoothed = np.mean([_errors(other) for other in near], axis=0)
         c.rated = _rating(c.smoothed)
@@ -498,11 +582,16 @@ def _errors(c: _Candidate) -> Array:
 
 
 def _rating(errors: Array, without: int = -1) -> float:
-    """What is small for a good setting: the mean over the rehearsals, and with less weight over the quarters."""
+    """What is small for a good setting: the mean over the rehearsals, and with less weight over the
+    quarters."""
     kept = np.arange(len(errors)) != without
     quarters, rehearsals = kept[:QUARTERS], kept[QUARTERS:]
     rated = float(np.mean(errors[:QUARTERS][quarters]))
-    return QUARTERS_WEIGHT * rated + float(np.mean(errors[QUARTERS:][rehearsals])) if rehearsals.any() else rated
+    return (
+        QUARTERS_WEIGHT * rated + float(np.mean(errors[QUARTERS:][rehearsals]))
+        if rehearsals.any()
+        else rated
+    )
 
 
 @dataclass(frozen=True)
@@ -511,7 +600,8 @@ class _Verdict:
 
     chosen: _Candidate
     quarters: Array
-    """log(rms/default's rms) of each quarter of the setting that is best on the other parts; NaN if nothing
+    """log(rms/default's rms) of each quarter of the setting that is best on the other parts; NaN if
+    nothing
     compares."""
     rehearsals: Array | None
     """The same of each rehearsal."""
@@ -520,22 +610,34 @@ class _Verdict:
 
 
 def _verdict(ranked: list[_Candidate], default: _Candidate) -> _Verdict:
-    """The best setting if it is better than the default rule beyond doubt, else the default rule."""
+    """The best setting if it is better than the default rule beyond doubt, else the default
+    rule."""
     usable = [c for c in ranked if math.isfinite(c.rated)]
-    if default not in usable or default.smoothed is None:  # too short a recording for it to be held out
+    if (
+        default not in usable or default.smoothed is None
+    ):  # too short a recording for it to be held out
         return _Verdict(default, np.full(QUARTERS, math.nan), None)
     gains = np.array([c.smoothed for c in usable]) - default.smoothed
     best = int(np.argmin([_rating(g) for g in gains]))
     # the part that judges takes no part in the choice
-    nested = np.array([gains[np.argmin([_rating(g, part) for g in gains]), part] for part in range(gains.shape[1])])
+    nested = np.array(
+        [
+            gains[np.argmin([_rating(g, part) for g in gains]), part]
+            for part in range(gains.shape[1])
+        ]
+    )
     quarters, rehearsals = nested[:QUARTERS], nested[QUARTERS:]
     own_quarters, own_rehearsals = gains[best, :QUARTERS], gains[best, QUARTERS:]
     if len(rehearsals) == 0:
         sure = all(_clear(g, MARGIN["quarters"]) for g in (quarters, own_quarters))
     else:
         lost = any(_mean_less_error(g) > 0 for g in (quarters, own_quarters))
-        sure = all(_clear(g, MARGIN["rehearsals"]) for g in (rehearsals, own_rehearsals)) and not lost
-    return _Verdict(usable[best] if sure else default, quarters, rehearsals if len(rehearsals) else None)
+        sure = (
+            all(_clear(g, MARGIN["rehearsals"]) for g in (rehearsals, own_rehearsals)) and not lost
+        )
+    return _Verdict(
+        usable[best] if sure else default, quarters, rehearsals if len(rehearsals) else None
+    )
 
 
 def _mean_less_error(values: Array) -> float:
@@ -544,12 +646,14 @@ def _mean_less_error(values: Array) -> float:
 
 
 def _clear(gains: Array, margin: float) -> bool:
-    """Whether the error is smaller in every part, and by `margin` in the mean within one standard error."""
+    """Whether the error is smaller in every part, and by `margin` in the mean within one standard
+    error."""
     return bool((gains < 0).all()) and _mean_less_error(-gains) > margin
 
 
 def _origins(history: History, longest: int, extra: Array, spread: Array) -> list[Fold]:
-    """What follows first parts of the longest recording, learnt from them and from the other recordings."""
+    """What follows first parts of the longest recording, learnt from them and from the other
+    recordings."""
     recordings = history.recordings
     x, y = recordings[longest]
     others = [_like(history, a, b) for i, (a, b) in enumerate(recordings) if i != longest]
@@ -562,18 +666,28 @@ def _origins(history: History, longest: int, extra: Array, spread: Array) -> lis
     return folds
 
 
-def _ends_agree(ends: list[Fold], given: dict[str, Any], default: dict[str, Any], alone: bool) -> bool:
-    """Whether settings are better on the ends, too: clearly if quarters `alone` decide, else no worse."""
-    jobs = [(i, each | {"start": "recording"}) for each in (given, default) for i in range(len(ends))]
-    found = np.array([_log(squares) for squares, _ in (score for score in validate(ends, jobs) if score)])
+def _ends_agree(
+    ends: list[Fold], given: dict[str, Any], default: dict[str, Any], alone: bool
+) -> bool:
+    """Whether settings are better on the ends, too: clearly if quarters `alone` decide, else no
+    worse."""
+    jobs = [
+        (i, each | {"start": "recording"}) for each in (given, default) for i in range(len(ends))
+    ]
+    found = np.array(
+        [_log(squares) for squares, _ in (score for score in validate(ends, jobs) if score)]
+    )
     ours, theirs = found.reshape(2, len(ends))
     if not (np.isfinite(ours).all() and np.isfinite(theirs).all()):
         return False
-    return _clear(ours - theirs, MARGIN["quarters"]) if alone else _mean_less_error(ours - theirs) <= 0
+    return (
+        _clear(ours - theirs, MARGIN["quarters"]) if alone else _mean_less_error(ours - theirs) <= 0
+    )
 
 
 def _rms(fold: Fold, given: dict[str, Any]) -> Array:
-    """Error of each state over each span of a fold (spans, n), in its unit; NaN where the fold is too short."""
+    """Error of each state over each span of a fold (spans, n), in its unit; NaN where the fold is
+    too short."""
     history, _, outputs, truth, spans, _ = fold
     try:
         estimates = DdMhe(history, **given, start="recording").run(outputs).x
@@ -587,7 +701,8 @@ def _rms(fold: Fold, given: dict[str, Any]) -> Array:
 
 @dataclass(frozen=True)
 class _Promise:
-    """What settings do on the ends of the recording that they have not seen, and where later errors are expected."""
+    """What settings do on the ends of the recording that they have not seen, and where later errors
+    are expected."""
 
     parts: Array
     """Error of each end and state (K, n)."""
@@ -598,7 +713,8 @@ class _Promise:
 
 
 def _scatter(logs: Array) -> Array:
-    """Standard deviation of each column (K, n) about its line: longer recordings are expected to do better."""
+    """Standard deviation of each column (K, n) about its line: longer recordings are expected to do
+    better."""
     K = len(logs)
     trend = np.vander(np.arange(K), 2 if K > 2 else 1)
     residuals = logs - trend @ (np.linalg.pinv(trend) @ logs)
@@ -609,7 +725,8 @@ def _scatter(logs: Array) -> Array:
 def _promise(
     history: History, ends: list[Fold], rehearsals: list[Fold], given: dict[str, Any], horizon: int
 ) -> _Promise:
-    """Held-out errors with their range (see RANGE); NaN, 0 and infinity where no end can be held out."""
+    """Held-out errors with their range (see RANGE); NaN, 0 and infinity where no end can be held
+    out."""
     n = history.n
     parts = np.array([_rms(fold, given)[0] for fold in ends])
     parts = parts[~np.isnan(parts).any(axis=1)]
@@ -623,10 +740,16 @@ def _promise(
         noise, typical = noise_levels(history)[0], np.exp(np.mean(np.log(parts), axis=0))
         clean = np.sqrt(np.maximum(typical**2 - noise**2, (CLEAN * typical) ** 2))
         share = min(horizon / T, 1.0)
-        lo = clean * np.exp(-RANGE["lo"] - RANGE["lo scatter"] * scatter - RANGE["lo horizon"] * share)
-        hi = held_out * np.exp(RANGE["hi"] + RANGE["hi scatter"] * scatter + RANGE["hi horizon"] * share)
+        lo = clean * np.exp(
+            -RANGE["lo"] - RANGE["lo scatter"] * scatter - RANGE["lo horizon"] * share
+        )
+        hi = held_out * np.exp(
+            RANGE["hi"] + RANGE["hi scatter"] * scatter + RANGE["hi horizon"] * share
+        )
         if rehearsals:
-            worst = np.nan_to_num([_rms(fold, given).max(axis=0) for fold in rehearsals], posinf=math.inf)
+            worst = np.nan_to_num(
+                [_rms(fold, given).max(axis=0) for fold in rehearsals], posinf=math.inf
+            )
             hi = np.maximum(hi, math.exp(RANGE["rehearsed"]) * np.sort(worst, axis=0)[-2:][0])
     lo = np.where(np.isfinite(held_out), lo, 0.0)
     return _Promise(parts, held_out, lo, np.maximum(hi, ROUNDING * size))
@@ -636,17 +759,28 @@ def _tuning(search: _Search, ranked: list[_Candidate], default: _Candidate) -> T
     """The result for what was scored."""
     history = search.history
     T = len(history.recordings[search.longest][1])
-    # without a quarter there are next to no windows longer than half: what was held out is another rule
+    # without a quarter there are next to no windows longer than half: what was held out is another
+    # rule
     short = T < QUARTERS * FEWEST or (default.rehearsals is None and 2 * default.horizon > T)
-    verdict = _Verdict(default, np.full(QUARTERS, math.nan), None) if short else _verdict(ranked, default)
+    verdict = (
+        _Verdict(default, np.full(QUARTERS, math.nan), None) if short else _verdict(ranked, default)
+    )
     alone = verdict.rehearsals is None
-    if verdict.chosen is not default and not _ends_agree(search.ends, verdict.chosen.given, default.given, alone):
+    if verdict.chosen is not default and not _ends_agree(
+        search.ends, verdict.chosen.given, default.given, alone
+    ):
         verdict = replace(verdict, chosen=default, refused=True)
     best = verdict.chosen
     est = DdMhe(history, start="recording", **best.given)  # without the short windows: sooner there
     settings = dict(best.given)
     if "horizon" in settings:
-        settings |= {"horizon": est.horizon, "rho": est.rho, "mu": est.mu, "weights": "scaled", "space": est.space}
+        settings |= {
+            "horizon": est.horizon,
+            "rho": est.rho,
+            "mu": est.mu,
+            "weights": "scaled",
+            "space": est.space,
+        }
     promise = _promise(history, search.ends, search.rehearsals, settings, est.horizon)
     ratio = np.ones(history.n)
     if best is not default:
@@ -672,18 +806,24 @@ def _tuning(search: _Search, ranked: list[_Candidate], default: _Candidate) -> T
 
 
 def _ratio(chosen: _Promise, default: _Promise) -> Array:
-    """Error over the default rule's, state by state; NaN where the ends disagree on which is better."""
+    """Error over the default rule's, state by state; NaN where the ends disagree on which is
+    better."""
     if chosen.parts.shape != default.parts.shape or len(chosen.parts) < 2:
         return np.full(len(chosen.held_out), math.nan)
     with np.errstate(divide="ignore", invalid="ignore"):
-        better = (chosen.parts < default.parts).all(axis=0) | (chosen.parts > default.parts).all(axis=0)
+        better = (chosen.parts < default.parts).all(axis=0) | (chosen.parts > default.parts).all(
+            axis=0
+        )
         return np.where(better, chosen.held_out / default.held_out, math.nan)
 
 
 def _table(ranked: list[_Candidate]) -> pd.DataFrame:
     rows = []
     for c in ranked:
-        quarters = {f"quarter {q + 1}": math.exp(v) for q, v in enumerate(c.scores if c.scores is not None else [])}
+        quarters = {
+            f"quarter {q + 1}": math.exp(v)
+            for q, v in enumerate(c.scores if c.scores is not None else [])
+        }
         rows.append(
             {
                 "horizon": c.horizon,
@@ -701,7 +841,9 @@ def _table(ranked: list[_Candidate]) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-def _words(rows: list[_Candidate], default: _Candidate, verdict: _Verdict, promise: _Promise, spread: Array) -> str:
+def _words(
+    rows: list[_Candidate], default: _Candidate, verdict: _Verdict, promise: _Promise, spread: Array
+) -> str:
     """How far the choice can be trusted; `rows` begin with the chosen one."""
     best = verdict.chosen
     parts = [_decision(verdict, best is not default, len(rows) - 1)]
@@ -749,7 +891,9 @@ def _decision(verdict: _Verdict, moved: bool, others: int) -> str:
     kept = "The default rule is kept, the recording cannot tell that another setting is better"
     if verdict.refused:
         return f"{kept}: {seen}, but the ends of the recording do not show the same."
-    asked = f"below {math.exp(-MARGIN[name]):.2g} within a standard error, and below 1 in every part"
+    asked = (
+        f"below {math.exp(-MARGIN[name]):.2g} within a standard error, and below 1 in every part"
+    )
     if verdict.rehearsals is not None:
         asked += ", without a loss in the quarters"
     return f"{kept}: {seen}; asked is {asked}."

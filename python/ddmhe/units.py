@@ -52,7 +52,8 @@ _TOKENS = frozenset(
         "uT",
     }
 )
-"""Units that may end a column's name; letters that also number or name things (C, F, g, h, L) are left out."""
+"""Units that may end a column's name; letters that also number or name things (C, F, g, h, L) are
+left out."""
 _TOKEN = re.compile(r"([A-Za-z]+)([2-4]?)\Z")
 _BRACKETS = re.compile(r"[\[(]\s*([^\[\]()]+?)\s*[\])]\s*\Z")
 
@@ -60,9 +61,9 @@ _BRACKETS = re.compile(r"[\[(]\s*([^\[\]()]+?)\s*[\])]\s*\Z")
 def unit_of(name: str) -> str:
     """The unit that a column's name states, "" where it states none.
 
-    It stands in brackets at the end, ``rate [rad/s]``, or follows underscores, ``omega_x_rad_s`` or ``acc_z_m_s2``: the
-    longest tail of known units that leaves something of the name; of several the ones after the first divide.
-    """
+    It stands in brackets at the end, ``rate [rad/s]``, or follows underscores, ``omega_x_rad_s`` or
+    ``acc_z_m_s2``: the longest tail of known units that leaves something of the name; of several
+    the ones after the first divide."""
     bracketed = _BRACKETS.search(name)
     if bracketed:
         return bracketed.group(1)
@@ -79,6 +80,12 @@ def _known(token: str) -> bool:
 
 
 def shared(values: Array, units: Sequence[str]) -> Array:
-    """Each channel's mean of `values` (n,) over the channels of its unit; a channel of unknown unit stands alone."""
+    """Each channel's mean of `values` (n,) over the channels of its unit; a channel of unknown unit
+    stands alone."""
     groups = [unit or f"\0{i}" for i, unit in enumerate(units)]
-    return np.array([np.mean([v for v, other in zip(values, groups, strict=True) if other == own]) for own in groups])
+    return np.array(
+        [
+            np.mean([v for v, other in zip(values, groups, strict=True) if other == own])
+            for own in groups
+        ]
+    )

@@ -1,4 +1,5 @@
-"""The command line for tests: as a process of its own, and in this one, which saves the second that imports take."""
+"""The command line for tests: as a process of its own, and in this one, which saves the second that
+imports take."""
 
 import contextlib
 import io
@@ -17,10 +18,16 @@ def in_a_process(*arguments, cwd=None, timeout=120):
 
 def in_here(*arguments, cwd=None):
     out, err = io.StringIO(), io.StringIO()
-    with pytest.MonkeyPatch.context() as patch, contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
+    with (
+        pytest.MonkeyPatch.context() as patch,
+        contextlib.redirect_stdout(out),
+        contextlib.redirect_stderr(err),
+    ):
         patch.setattr(sys, "argv", ["ddmhe", *map(str, arguments)])
         if cwd is not None:
             patch.chdir(cwd)
         with pytest.raises(SystemExit) as ended:
             main()
-    return subprocess.CompletedProcess(arguments, ended.value.code or 0, out.getvalue(), err.getvalue())
+    return subprocess.CompletedProcess(
+        arguments, ended.value.code or 0, out.getvalue(), err.getvalue()
+    )

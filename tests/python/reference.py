@@ -1,7 +1,8 @@
-"""Independent references for the estimator: (16) written down verbatim, model-based MHE, recursive least squares.
+"""Independent references for the estimator: (16) written down verbatim, model-based MHE, recursive
+least squares.
 
-Used only by tests. Nothing here shares code or formulation with the package: no centring, no scaling, no basis.
-"""
+Used only by tests. Nothing here shares code or formulation with the package: no centring, no
+scaling, no basis."""
 
 from dataclasses import dataclass
 
@@ -31,15 +32,18 @@ class Affine:
 def random_system(rng, n, p):
     """An observable affine system with persistent modes, so that one recording excites all of them.
 
-    Eigenvalues are drawn apart from each other near the unit circle; poorly observable draws are rejected.
-    """
+    Eigenvalues are drawn apart from each other near the unit circle; poorly observable draws are
+    rejected."""
     while True:
         blocks, left = [], n
         while left:
             radius = rng.uniform(0.97, 1.0)
             if left >= 2 and rng.random() < 0.7:
                 angle = rng.uniform(0.3, 2.8)
-                blocks.append(radius * np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]]))
+                blocks.append(
+                    radius
+                    * np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+                )
                 left -= 2
             else:
                 blocks.append(np.array([[radius * rng.choice([-1.0, 1.0])]]))
@@ -64,18 +68,24 @@ def hankel(signal, depth):
     return np.array([signal[k : k + depth].ravel() for k in range(len(signal) - depth + 1)]).T
 
 
-def verbatim(x_hist, y_hist, y_window, prior, rho, mu, x_bounds=None, v_bounds=None, *, near, near_v=None):
-    """Problem (16) with cost (17), exactly as printed, over α. Returns (window, v, cost), proven optimal.
+def verbatim(
+    x_hist, y_hist, y_window, prior, rho, mu, x_bounds=None, v_bounds=None, *, near, near_v=None
+):
+    """Problem (16) with cost (17), exactly as printed, over α. Returns (window, v, cost), proven
+    optimal.
 
-    Interior-point solvers stop near 1e-5 on it or fail (its Hessian is singular in most of α), so it is solved as a
-    mathematician would: guess the active bounds (`near` is any window close to the answer), solve the equality
-    constrained least squares for α, then prove optimality with multipliers from non-negative least squares. With
-    `near_v`, the fitted noise beside that window, α is proved to be the shortest one of least cost, too.
-    """
+    Interior-point solvers stop near 1e-5 on it or fail (its Hessian is singular in most of α), so
+    it is solved as a mathematician would: guess the active bounds (`near` is any window close to
+    the answer), solve the equality constrained least squares for α, then prove optimality with
+    multipliers from non-negative least squares. With `near_v`, the fitted noise beside that window,
+    α is proved to be the shortest one of least cost, too."""
     M, n, p = len(y_window), x_hist.shape[1], y_hist.shape[1]
     H_y, H_x = hankel(y_hist, M), hankel(x_hist, M + 1)
     N, y = H_y.shape[1], y_window.ravel()
-    rows, limits = [np.zeros((0, N))], [np.zeros(0)]  # rows @ alpha <= limits: (16c), (16d) with v = y - H_y alpha
+    rows, limits = (
+        [np.zeros((0, N))],
+        [np.zeros(0)],
+    )  # rows @ alpha <= limits: (16c), (16d) with v = y - H_y alpha
     if x_bounds is not None:
         rows += [-H_x, H_x]
         limits += [-np.tile(x_bounds[0], M + 1), np.tile(x_bounds[1], M + 1)]
@@ -85,7 +95,9 @@ def verbatim(x_hist, y_hist, y_window, prior, rho, mu, x_bounds=None, v_bounds=N
     rows, limits = np.vstack(rows), np.concatenate(limits)
     discount = np.repeat(np.sqrt(rho ** np.arange(M - 1, -1, -1.0)), p)
     D = np.vstack([np.sqrt(2 * rho**M) * H_x[:n], np.sqrt(mu) * discount[:, None] * H_y])
-    d = np.concatenate([np.sqrt(2 * rho**M) * prior, np.sqrt(mu) * discount * y])  # cost = ‖D alpha - d‖²
+    d = np.concatenate(
+        [np.sqrt(2 * rho**M) * prior, np.sqrt(mu) * discount * y]
+    )  # cost = ‖D alpha - d‖²
 
     shown, seen = [H_x, np.ones((1, N))], [near.ravel(), [1.0]]
     if near_v is not None:
@@ -97,32 +109,46 @@ def verbatim(x_hist, y_hist, y_window, prior, rho, mu, x_bounds=None, v_bounds=N
     _, sigma, Vt = np.linalg.svd(fixed)
     Z = Vt[(sigma > 1e-11 * sigma[0]).sum() :].T
     U, sigma, Vt = np.linalg.svd(D @ Z, full_matrices=False)
-    kept = sigma > 1e-11 * np.linalg.norm(D)  # not relative to D Z: the active rows may leave it nothing but rounding
+    kept = sigma > 1e-11 * np.linalg.norm(
+        D
+    )  # not relative to D Z: the active rows may leave it nothing but rounding
     alpha = alpha + Z @ (Vt[kept].T @ (U[:, kept].T @ (d - D @ alpha) / sigma[kept]))
 
     assert (rows @ alpha <= limits + 1e-8).all()
     assert abs(alpha.sum() - 1) < 1e-10
     gradient = 2 * D.T @ (D @ alpha - d)
-    normals = np.column_stack([rows[active].T, np.ones(N), -np.ones(N)])  # multipliers >= 0; that of 1ᵀα = 1 is free
+    normals = np.column_stack(
+        [rows[active].T, np.ones(N), -np.ones(N)]
+    )  # multipliers >= 0; that of 1ᵀα = 1 is free
     scale = max(np.abs(gradient).max(), np.abs(2 * D.T @ d).max() * 1e-6, 1e-9)
     _, unbalanced = scipy.optimize.nnls(normals, -gradient / scale)
     assert unbalanced < 1e-6
     if near_v is not None:
         others = np.column_stack([D.T, -D.T]) / np.linalg.norm(D)  # given: multipliers of any sign
-        _, unbalanced = scipy.optimize.nnls(np.column_stack([normals, others]), -alpha / np.linalg.norm(alpha))
+        _, unbalanced = scipy.optimize.nnls(
+            np.column_stack([normals, others]), -alpha / np.linalg.norm(alpha)
+        )
         assert unbalanced < 1e-7
-    return (H_x @ alpha).reshape(M + 1, n), (y - H_y @ alpha).reshape(M, p), float(np.sum((D @ alpha - d) ** 2))
+    return (
+        (H_x @ alpha).reshape(M + 1, n),
+        (y - H_y @ alpha).reshape(M, p),
+        float(np.sum((D @ alpha - d) ** 2)),
+    )
 
 
 def model_based(system, y_window, prior, rho, mu, x_bounds=None, v_bounds=None):
-    """The same estimate from the true (A, e, C, r): a dense QP in x̂(t-M) for quadprog (Goldfarb, Idnani)."""
+    """The same estimate from the true (A, e, C, r): a dense QP in x̂(t-M) for quadprog (Goldfarb,
+    Idnani)."""
     M, n = len(y_window), len(prior)
     p = len(system.r)
     powers, offsets = [np.eye(n)], [np.zeros(n)]
     for _ in range(M):
         powers.append(system.A @ powers[-1])
         offsets.append(system.A @ offsets[-1] + system.e)
-    states, constant = np.vstack(powers), np.concatenate(offsets)  # window = states @ x_0 + constant
+    states, constant = (
+        np.vstack(powers),
+        np.concatenate(offsets),
+    )  # window = states @ x_0 + constant
     outputs = np.vstack([system.C @ power for power in powers[:M]])
     residual = y_window.ravel() - np.concatenate(
         [system.C @ o + system.r for o in offsets[:M]]
@@ -147,7 +173,8 @@ def model_based(system, y_window, prior, rho, mu, x_bounds=None, v_bounds=None):
 
 
 def recursive_least_squares(system, y, prior, rho, mu):
-    """x̂(1), x̂(2), … by recursive least squares on x(0) with forgetting factor ρ, moved forward by the model."""
+    """x̂(1), x̂(2), … by recursive least squares on x(0) with forgetting factor ρ, moved forward by
+    the model."""
     n = len(prior)
     theta, P = np.array(prior, float), np.eye(n) / 2
     power, offset, estimates = np.eye(n), np.zeros(n), []

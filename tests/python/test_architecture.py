@@ -21,7 +21,8 @@ def circle(imports):
 
 
 def python_imports():
-    """Modules of the package by the modules that they import, anywhere in the file; `ddmhe` itself only lists names."""
+    """Modules of the package by the modules that they import, anywhere in the file; `ddmhe` itself
+    only lists names."""
     paths = {}
     for path in (ROOT / "python" / "ddmhe").rglob("*.py"):
         parts = path.relative_to(ROOT / "python").with_suffix("").parts
@@ -36,7 +37,8 @@ def python_imports():
                 assert node.level == 0, f"{path}: imports are written in full"
                 inner = [f"{node.module}.{alias.name}" for alias in node.names]
                 named |= {name if name in paths else str(node.module) for name in inner}
-        # importing a package's inside from within it is no circle with the package's own list of names
+        # importing a package's inside from within it is no circle with the package's own list of
+        # names
         found[module] = {name for name in named & set(paths) if name not in ("ddmhe", module)}
     return found
 
@@ -60,7 +62,11 @@ def rust_imports(crate):
         text = re.sub(r"#\[cfg\(test\)\].*", "", path.read_text(), flags=re.DOTALL)
         code = "\n".join(line for line in text.splitlines() if not line.lstrip().startswith("//"))
         paths = re.findall(r"\bcrate::((?:\w+::)*\w+)", code)
-        paths += [part.strip() for group in re.findall(r"\bcrate::\{([^}]*)\}", code) for part in group.split(",")]
+        paths += [
+            part.strip()
+            for group in re.findall(r"\bcrate::\{([^}]*)\}", code)
+            for part in group.split(",")
+        ]
         found[name] = {file_of(p) for p in paths} - {"", name}
     return found
 

@@ -1,4 +1,5 @@
-"""Every public function and class, attacked argument by argument: it works, or one clear error names the argument."""
+"""Every public function and class, attacked argument by argument: it works, or one clear error
+names the argument."""
 
 import numpy as np
 import pandas as pd
@@ -38,7 +39,9 @@ CALLS = {
         },
     ),
     "DdMhe with a certificate": (
-        lambda certificate, disturbance: ddmhe.DdMhe(H, certificate=certificate, disturbance=disturbance),
+        lambda certificate, disturbance: ddmhe.DdMhe(
+            H, certificate=certificate, disturbance=disturbance
+        ),
         {"certificate": CERTIFICATE, "disturbance": None},
     ),
     "DdMhe.step": (
@@ -52,8 +55,14 @@ CALLS = {
         lambda estimators, logs: ddmhe.run_many(estimators, logs),
         {"estimators": ddmhe.DdMhe(H, 5), "logs": [Y[:3]]},
     ),
-    "Truncated": (lambda **given: ddmhe.DdMhe(H, 5, space=ddmhe.Truncated(**given)), {"rank": 2, "tol": 0.1}),
-    "Ridge": (lambda **given: ddmhe.DdMhe(H, 5, space=ddmhe.Ridge(**given)), {"weight": 0.1, "normalised": False}),
+    "Truncated": (
+        lambda **given: ddmhe.DdMhe(H, 5, space=ddmhe.Truncated(**given)),
+        {"rank": 2, "tol": 0.1},
+    ),
+    "Ridge": (
+        lambda **given: ddmhe.DdMhe(H, 5, space=ddmhe.Ridge(**given)),
+        {"weight": 0.1, "normalised": False},
+    ),
     "Zonotope": (ddmhe.Zonotope, {"center": [0.0, 1.0], "generators": np.eye(2)}),
     "Zonotope.linear_map": (Z.linear_map, {"A": A}),
     "Zonotope.interval_map": (Z.interval_map, {"A_lo": A, "A_hi": A}),
@@ -77,7 +86,15 @@ CALLS = {
     "consistent_set": (design.consistent_set, {"history": H, "noise": NOISE}),
     "pole_placement": (
         design.pole_placement,
-        {"history": H, "radius": 0.9, "Q": np.eye(2), "R": np.eye(1), "region": None, "step": 0.5, "attempts": 1},
+        {
+            "history": H,
+            "radius": 0.9,
+            "Q": np.eye(2),
+            "R": np.eye(1),
+            "region": None,
+            "step": 0.5,
+            "attempts": 1,
+        },
     ),
     "RecordingNoise": (
         design.RecordingNoise,
@@ -138,7 +155,15 @@ CALLS = {
     "IntervalObserver.run": (lambda **given: _observer().run(**given), {"Y": [[0.1]], "U": None}),
     "linear": (
         interval.linear,
-        {"A_lo": A, "A_hi": A, "C": C, "D1": np.eye(2), "D2": np.eye(1), "B": None, "C_radius": None},
+        {
+            "A_lo": A,
+            "A_hi": A,
+            "C": C,
+            "D1": np.eye(2),
+            "D2": np.eye(1),
+            "B": None,
+            "C_radius": None,
+        },
     ),
     "interval.pendulum": (interval.pendulum, {"model": None, "dt": 0.065}),
     "interval.detumbling": (
@@ -180,18 +205,41 @@ CALLS = {
     ),
     "Baseline.step": (lambda **given: baselines.RidgeFir(H).step(**given), {"y_t": [0.1]}),
     "Baseline.run": (lambda **given: baselines.RidgeFir(H).run(**given), {"Y": [[0.1]]}),
-    "Baseline.reset": (lambda **given: baselines.RidgeFir(H).reset(**given), {"x_prior": [0.1, 0.0]}),
+    "Baseline.reset": (
+        lambda **given: baselines.RidgeFir(H).reset(**given),
+        {"x_prior": [0.1, 0.0]},
+    ),
     "simulate": (
         models.spin_down().simulate,
-        {"duration": 1.0, "dt": 0.1, "noise": 0.1, "seed": 0, "integrator": "euler", "disturbance": np.zeros((10, 1))},
+        {
+            "duration": 1.0,
+            "dt": 0.1,
+            "noise": 0.1,
+            "seed": 0,
+            "integrator": "euler",
+            "disturbance": np.zeros((10, 1)),
+        },
     ),
     "detumbling": (
         models.detumbling,
-        {"inertia": [1.0, 2.0, 3.0], "M_eff": np.eye(3), "omega_0": [0.1, 0, 0], "B": [1, 0, 0], "Lambda": np.eye(3)},
+        {
+            "inertia": [1.0, 2.0, 3.0],
+            "M_eff": np.eye(3),
+            "omega_0": [0.1, 0, 0],
+            "B": [1, 0, 0],
+            "Lambda": np.eye(3),
+        },
     ),
     "spin_down": (
         models.spin_down,
-        {"inertia": 0.1, "eddy": 0.1, "omega_0": 30.0, "torque_curve": None, "torque_bias": 0.0, "encoder_counts": 100},
+        {
+            "inertia": 0.1,
+            "eddy": 0.1,
+            "omega_0": 30.0,
+            "torque_curve": None,
+            "torque_bias": 0.0,
+            "encoder_counts": 100,
+        },
     ),
     "pendulum": (models.pendulum, {"stiffness": 1.0, "x_0": [1.0, 0.0]}),
     "TorqueCurve": (models.TorqueCurve, {"speed": [0.0, 1.0], "torque": [0.0, 1.0]}),
@@ -211,7 +259,10 @@ CALLS = {
     ),
     "Log.split": (lambda history: _log().split(history), {"history": 1.0}),
     "read_config": (config.read_config, {"path": "no-such-file.toml"}),
-    "write_config": (config.write_config, {"path": "no-such-directory/a.toml", "settings": {"horizon": 3}}),
+    "write_config": (
+        config.write_config,
+        {"path": "no-such-directory/a.toml", "settings": {"horizon": 3}},
+    ),
     "space_from_text": (config.space_from_text, {"text": "auto"}),
 }
 
@@ -231,7 +282,8 @@ def _observer():
 
 
 def _checked_only(tune, **given):
-    """Tune, whose arguments are to be checked before anything that takes time: a recording too short ends it there."""
+    """Tune, whose arguments are to be checked before anything that takes time: a recording too
+    short ends it there."""
     if given["history"] is H:
         given["history"] = ddmhe.History(X[:12], Y[:11])
     return tune(**given, progress=False)
@@ -240,7 +292,9 @@ def _checked_only(tune, **given):
 def _log():
     t = np.arange(40) * 0.1
     gaps, lines = (), np.arange(40)
-    return logs.Log("a.csv", logs.Names("t", ("w",), ("q",)), t, X[:40, :1], Y, 0.1, lines + 2, lines, gaps)
+    return logs.Log(
+        "a.csv", logs.Names("t", ("w",), ("q",)), t, X[:40, :1], Y, 0.1, lines + 2, lines, gaps
+    )
 
 
 def attacks():

@@ -1,4 +1,5 @@
-"""Baselines against independent implementations: filterpy, NumPy's lstsq, SciPy's RBFInterpolator, closed forms."""
+"""Baselines against independent implementations: filterpy, NumPy's lstsq, SciPy's RBFInterpolator,
+closed forms."""
 
 import numpy as np
 import pytest
@@ -69,9 +70,16 @@ def test_oracles_are_filterpys(kind):
     else:
         points = JulierSigmaPoints(3, kappa=0.0)
         kf = UnscentedKalmanFilter(3, 3, dt, model.output, forward, points)
-    kf.x, kf.P, kf.Q, kf.R = start.copy(), 0.03**2 * np.eye(3), 1e-8 * np.eye(3), noise**2 * np.eye(3)
+    kf.x, kf.P, kf.Q, kf.R = (
+        start.copy(),
+        0.03**2 * np.eye(3),
+        1e-8 * np.eye(3),
+        noise**2 * np.eye(3),
+    )
     expected = []
-    if kind == "ukf":  # filterpy predicts first: the first output meets the sigma points of the prior
+    if (
+        kind == "ukf"
+    ):  # filterpy predicts first: the first output meets the sigma points of the prior
         kf.sigmas_f = points.sigma_points(kf.x, kf.P)
     for y in record.y[:-1]:
         if kind == "ekf":
@@ -95,13 +103,16 @@ def test_the_filters_covariance_settles_at_the_riccati_solution():
 
 
 def test_thin_plate_splines_are_scipys_kernel():
-    """One centre, no polynomial: RBFInterpolator's coefficients times r² log r gives the kernel back."""
+    """One centre, no polynomial: RBFInterpolator's coefficients times r² log r gives the kernel
+    back."""
     rng = np.random.default_rng(0)
     centres, points = rng.standard_normal((6, 2)), rng.standard_normal((40, 2))
     values = rng.standard_normal(6)
     theirs = RBFInterpolator(centres, values, kernel="thin_plate_spline", degree=1)
     kernel = thin_plate(centres, centres)
-    system = np.block([[kernel, np.ones((6, 1)), centres], [np.vstack([np.ones(6), centres.T]), np.zeros((3, 3))]])
+    system = np.block(
+        [[kernel, np.ones((6, 1)), centres], [np.vstack([np.ones(6), centres.T]), np.zeros((3, 3))]]
+    )
     solution = np.linalg.solve(system, np.concatenate([values, np.zeros(3)]))
     mine = thin_plate(points, centres) @ solution[:6] + solution[6] + points @ solution[7:]
     np.testing.assert_allclose(mine, theirs(points), atol=1e-10)
@@ -121,7 +132,8 @@ def test_edmd_is_least_squares_on_the_lifted_recording():
 
 
 def test_the_koopman_window_is_the_minimum_of_its_cost():
-    """Against a general minimiser on the cost as written, with full windows and with a lacking output."""
+    """Against a general minimiser on the cost as written, with full windows and with a lacking
+    output."""
     from scipy.optimize import minimize
 
     record = ddmhe.models.pendulum().simulate(13.0, 0.065, noise=0.01, seed=1)
@@ -157,14 +169,19 @@ def test_ridge_regression_is_that_of_the_normal_equations():
     windows = np.array([y[k : k + 4].ravel() for k in range(len(y) - 3)])
     centred, target = windows - windows.mean(0), x[4:] - x[4:].mean(0)
     weight = 1e-3 * np.linalg.norm(centred, 2) ** 2
-    W = np.linalg.solve(centred.T @ centred + weight * np.eye(centred.shape[1]), centred.T @ target).T
+    W = np.linalg.solve(
+        centred.T @ centred + weight * np.eye(centred.shape[1]), centred.T @ target
+    ).T
     np.testing.assert_allclose(fir.W, W, atol=1e-10)
     window = np.concatenate([y[-3:].ravel(), Y[0]])
-    np.testing.assert_allclose(fir.step(Y[0]).x, x[4:].mean(0) + W @ (window - windows.mean(0)), atol=1e-10)
+    np.testing.assert_allclose(
+        fir.step(Y[0]).x, x[4:].mean(0) + W @ (window - windows.mean(0)), atol=1e-10
+    )
 
 
 def test_arx_finds_hidden_lags():
-    """x depends on a state that is neither recorded nor measured: one lag is not enough, several are."""
+    """x depends on a state that is neither recorded nor measured: one lag is not enough, several
+    are."""
     rng = np.random.default_rng(1)
     A = np.array([[0.95, 0.2, 0.0], [-0.2, 0.95, 0.1], [0.0, -0.1, 0.97]])
     s = [rng.standard_normal(3)]
@@ -219,7 +236,10 @@ def test_step_run_reset_and_lacking_outputs(name):
         (lambda h: RidgeFir(h, length=0), "length: expected at least 1"),
         (lambda h: RidgeFir(h, length=200), "history: expected at least"),
         (lambda h: RidgeFir(h, weight=-1.0), "weight: expected"),
-        (lambda h: Oracle(ddmhe.models.pendulum(), 0.1, [0.0, 0.0], 0.1, kind="x"), "kind: expected"),
+        (
+            lambda h: Oracle(ddmhe.models.pendulum(), 0.1, [0.0, 0.0], 0.1, kind="x"),
+            "kind: expected",
+        ),
     ],
 )
 def test_wrong_arguments_are_one_clear_error(make, words):
@@ -256,7 +276,8 @@ def _pieces(noise):
     ids=["eskf", "eskf-linear", "arx", "fir", "koopman"],
 )
 def test_no_row_crosses_the_seam_of_joined_recordings(make):
-    """Noise-free: one row across the seam, a jump of 40, would spoil a fit that is exact otherwise."""
+    """Noise-free: one row across the seam, a jump of 40, would spoil a fit that is exact
+    otherwise."""
     history, Y, truth, _ = _pieces(0.0)
     error = make(history).run(Y).x - truth
     assert np.abs(error[20:]).max() < 2e-3 * np.abs(truth).max()
@@ -279,7 +300,9 @@ def test_a_last_recording_shorter_than_the_window():
     short = ddmhe.History.concat([ddmhe.History(x, y), ddmhe.History(x[:3], y[:2])])
     assert np.isfinite(RidgeFir(short, 6).run(y).x).all()
     assert np.isfinite(ArxKalman(short).run(y).x).all()
-    with pytest.raises(ddmhe.RankError, match="history: expected more than 6 samples, also in the last"):
+    with pytest.raises(
+        ddmhe.RankError, match="history: expected more than 6 samples, also in the last"
+    ):
         ArxKalman(short, 5)
 
 
@@ -295,12 +318,15 @@ def test_what_is_masked_or_none_is_not_measured():
             np.testing.assert_array_equal(make(history).run(given).x, expected)
         each = make(history)
         np.testing.assert_array_equal([each.step(y).x for y in masked], expected)
-        with pytest.raises(ddmhe.NotFiniteError, match=r"x_prior: .* missing \(masked, None or NA\) at entry 1"):
+        with pytest.raises(
+            ddmhe.NotFiniteError, match=r"x_prior: .* missing \(masked, None or NA\) at entry 1"
+        ):
             make(history).reset([1.0, None])
 
 
 def test_an_unstable_fit_does_not_explode():
-    """A state that the outputs do not show and that grew while it was recorded: the fit is unstable, the filter not."""
+    """A state that the outputs do not show and that grew while it was recorded: the fit is
+    unstable, the filter not."""
     k = np.arange(120)
     rng = np.random.default_rng(0)
     growing = 0.1 * 1.1 ** (k / 2) * np.cos(k / 3)

@@ -1,11 +1,19 @@
-"""Certificates: the inequality by eigenvalues, the error bounds by simulation, robustness by drawing recordings."""
+"""Certificates: the inequality by eigenvalues, the error bounds by simulation, robustness by
+drawing recordings."""
 
 import numpy as np
 import pytest
 
 import ddmhe
 from ddmhe.config import read_config, write_config
-from ddmhe.design import Certificate, RecordingNoise, consistent_set, ioss, minimum_horizon, scalar_certificate
+from ddmhe.design import (
+    Certificate,
+    RecordingNoise,
+    consistent_set,
+    ioss,
+    minimum_horizon,
+    scalar_certificate,
+)
 from reference import random_system
 
 
@@ -19,7 +27,9 @@ def random_pair(rng):
     """Observable with probability one, n 1…6, p below and above n, stable and unstable."""
     n, p = int(rng.integers(1, 7)), int(rng.integers(1, 9))
     A = rng.standard_normal((n, n))
-    return A * rng.uniform(0.3, 1.2) / np.abs(np.linalg.eigvals(A)).max(), rng.standard_normal((p, n))
+    return A * rng.uniform(0.3, 1.2) / np.abs(np.linalg.eigvals(A)).max(), rng.standard_normal(
+        (p, n)
+    )
 
 
 @pytest.mark.parametrize("systems", [25, pytest.param(100, marks=pytest.mark.long)])
@@ -32,7 +42,9 @@ def test_random_observable_systems_are_certified(block, systems):
         assert largest_eigenvalue(c, A, C) <= 0
         assert c.residual <= 0
         assert np.linalg.eigvalsh(c.P)[0] >= 1 - 1e-9
-        assert c.growth == pytest.approx(np.sqrt(np.linalg.eigvals(np.linalg.solve(c.P, A.T @ c.P @ A)).real.max()))
+        assert c.growth == pytest.approx(
+            np.sqrt(np.linalg.eigvals(np.linalg.solve(c.P, A.T @ c.P @ A)).real.max())
+        )
 
 
 def test_best_gains_leave_nothing_to_halve():
@@ -43,12 +55,15 @@ def test_best_gains_leave_nothing_to_halve():
         c = ioss(A=A, C=C, eta=0.9)
         for P, Q, R in ((c.P, c.Q / 2, c.R), (2 * c.P, c.Q, c.R)):
             assert Certificate(P, Q, R, c.eta, 0.0).verify(A, C) > 0
-        if np.abs(np.linalg.eigvals(A)).max() > 1:  # without the outputs an unstable motion does not shrink
+        if (
+            np.abs(np.linalg.eigvals(A)).max() > 1
+        ):  # without the outputs an unstable motion does not shrink
             assert Certificate(c.P, c.Q, c.R * 1e-3, c.eta, 0.0).verify(A, C) > 0
 
 
 def disturbed(system, rng, x_0, steps, w, v):
-    """States (steps+1, n) and outputs (steps, p) with ‖w(t)‖ <= w, ‖v(t)‖ <= v, random or in one direction all the
+    """States (steps+1, n) and outputs (steps, p) with ‖w(t)‖ <= w, ‖v(t)‖ <= v, random or in one
+    direction all the
     time."""
     n, p = len(system.e), len(system.r)
 
@@ -76,7 +91,9 @@ def test_errors_never_exceed_either_bound(seed):
     h = ddmhe.History(*system.simulate(rng.standard_normal(n), 60))
     c = ioss(h, float(rng.choice([0.6, 0.8, 0.9])))
     initial, w, v = 0.5, float(rng.choice([0.0, 0.02])), float(rng.choice([0.0, 0.1]))
-    estimator = ddmhe.DdMhe(h, c.horizon + seed % 3, space=ddmhe.Exact(), certificate=c, disturbance=(initial, w, v))
+    estimator = ddmhe.DdMhe(
+        h, c.horizon + seed % 3, space=ddmhe.Exact(), certificate=c, disturbance=(initial, w, v)
+    )
     prior_bound = c.error_bound(30, estimator.horizon, initial, w, v)
     for _ in range(400):
         x_0, offset = rng.standard_normal(n), rng.standard_normal(n)
@@ -89,7 +106,8 @@ def test_errors_never_exceed_either_bound(seed):
 
 
 def test_halving_the_weights_breaks_the_bound():
-    """An unstable system with its own R and P: the certificate that claims to do with a thousandth of R promises too
+    """An unstable system with its own R and P: the certificate that claims to do with a thousandth
+    of R promises too
     little."""
     A, C = np.array([[1.2]]), np.array([[1.0]])
     c = ioss(A=A, C=C, eta=0.5)
@@ -99,7 +117,9 @@ def test_halving_the_weights_breaks_the_bound():
     h = ddmhe.History(x, x[:-1])
     error, bound = [], []
     for claim in (c, false):
-        estimator = ddmhe.DdMhe(h, 3, space=ddmhe.Exact(), certificate=claim, disturbance=(0.5, 0.0, 0.01))
+        estimator = ddmhe.DdMhe(
+            h, 3, space=ddmhe.Exact(), certificate=claim, disturbance=(0.5, 0.0, 0.01)
+        )
         truth = 1.2 ** np.arange(21.0)[:, None]
         estimator.reset([1.5])
         log = estimator.run(truth[:-1] + 0.01)
@@ -145,7 +165,9 @@ def test_a_lost_output_is_bridged_by_the_growth():
     x, y = disturbed(system, rng, x_0, 40, 0.01, 0.05)
     y[10:13] = np.nan
     y[20, 0] = np.nan
-    estimator = ddmhe.DdMhe(h, space=ddmhe.Exact(), x_prior=x_0, certificate=c, disturbance=(0.0, 0.01, 0.05))
+    estimator = ddmhe.DdMhe(
+        h, space=ddmhe.Exact(), x_prior=x_0, certificate=c, disturbance=(0.0, 0.01, 0.05)
+    )
     log = estimator.run(y)
     assert np.isfinite(log.bound).all()
     assert (np.linalg.norm(log.x - x[1:], axis=1) <= log.bound).all()
@@ -163,7 +185,8 @@ def test_a_snapshot_carries_the_bound():
 
 
 def test_matrix_weights_solve_the_stated_problem():
-    """min 2η^M‖x - x̄‖²_P + Σ η^{j-1}‖v‖²_R over the true model by dense least squares, outputs missing here and
+    """min 2η^M‖x - x̄‖²_P + Σ η^{j-1}‖v‖²_R over the true model by dense least squares, outputs
+    missing here and
     there."""
     rng = np.random.default_rng(4)
     for _ in range(20):
@@ -177,7 +200,10 @@ def test_matrix_weights_solve_the_stated_problem():
         estimator.reset(prior)
         for sample in y:
             estimate = estimator.step(sample)
-        rows, target = [np.linalg.cholesky(2 * 0.6**4 * c.P).T], [np.linalg.cholesky(2 * 0.6**4 * c.P).T @ prior]
+        rows, target = (
+            [np.linalg.cholesky(2 * 0.6**4 * c.P).T],
+            [np.linalg.cholesky(2 * 0.6**4 * c.P).T @ prior],
+        )
         power, offset = np.eye(3), np.zeros(3)
         for k in range(4):
             seen = np.isfinite(y[k])
@@ -214,7 +240,8 @@ def test_scalar_weights_are_a_special_certificate():
 
 
 def test_34_as_printed_is_too_small():
-    """x⁺ = 0.9 x + w, y = 100 x, L = -0.009: μ0 = 6 L² = 4.9e-4. w(t-1) is in no output up to t-1, so the error
+    """x⁺ = 0.9 x + w, y = 100 x, L = -0.009: μ0 = 6 L² = 4.9e-4. w(t-1) is in no output up to t-1,
+    so the error
     reaches |w|, but
     (34) allows √μ |w| per step and decays at once. Our bound holds.
     """
@@ -229,18 +256,26 @@ def test_34_as_printed_is_too_small():
         truth.append(A @ truth[-1] + w)
     truth = np.array(truth)
     c = scalar_certificate(A, C, L, rho, mu)
-    estimator = ddmhe.DdMhe(h, M, certificate=c, disturbance=(0.0, w, 0.0), x_prior=[1.0], space=ddmhe.Exact())
+    estimator = ddmhe.DdMhe(
+        h, M, certificate=c, disturbance=(0.0, w, 0.0), x_prior=[1.0], space=ddmhe.Exact()
+    )
     log = estimator.run(truth[:-1] @ C.T)
     error = np.abs(log.x - truth[1:])[:, 0]
     kappa = 4 * rho**M
-    printed = np.array([sum(np.sqrt(kappa) ** (t - 1 - j) * np.sqrt(mu) * w for j in range(t)) for t in range(1, 21)])
+    printed = np.array(
+        [
+            sum(np.sqrt(kappa) ** (t - 1 - j) * np.sqrt(mu) * w for j in range(t))
+            for t in range(1, 21)
+        ]
+    )
     assert (error > printed).all()
     assert (error <= log.bound).all()
     assert (error <= c.error_bound(20, M, 0.0, w, 0.0)[1:]).all()
 
 
 def test_the_papers_satellite_is_certified():
-    """Where (24) is impossible: η = 0.95 at cond P = 130 (the value that an independent prototype found), M = 28."""
+    """Where (24) is impossible: η = 0.95 at cond P = 130 (the value that an independent prototype
+    found), M = 28."""
     record = ddmhe.models.detumbling().simulate(20.0, 0.1)
     h = ddmhe.History(record.x, record.y[:-1], dt=0.1)
     c = ioss(h, 0.95)
@@ -276,7 +311,9 @@ def rich_recording(rng, noise, steps=150):
 
     def errors(shape, size):
         e = rng.standard_normal(shape)
-        return size * (e / np.linalg.norm(e, axis=1, keepdims=True) if noise.kind == "bounded" else e)
+        return size * (
+            e / np.linalg.norm(e, axis=1, keepdims=True) if noise.kind == "bounded" else e
+        )
 
     y = x[:-1] @ C_TRUE.T + R_TRUE
     return ddmhe.History(x + errors(x.shape, noise.x), y + errors(y.shape, noise.y))
@@ -287,7 +324,9 @@ def test_the_true_system_is_always_among_the_consistent_ones(kind):
     rng = np.random.default_rng(0)
     noise = RecordingNoise(x=2e-3, y=2e-3, w=1e-3, kind=kind)
     for _ in range(1000):
-        assert consistent_set(rich_recording(rng, noise), noise).contains(A_TRUE, E_TRUE, C_TRUE, R_TRUE)
+        assert consistent_set(rich_recording(rng, noise), noise).contains(
+            A_TRUE, E_TRUE, C_TRUE, R_TRUE
+        )
 
 
 def test_an_understated_noise_excludes_the_true_system():
@@ -320,7 +359,8 @@ def test_a_robust_certificate_holds_for_the_true_system(kind, recordings):
 
 
 def test_a_robust_certificate_holds_on_the_boundary_of_its_set():
-    """Systems drawn on the boundary, ‖Γ‖ = 1: an independent look at the S-lemma. A nominal certificate fails there."""
+    """Systems drawn on the boundary, ‖Γ‖ = 1: an independent look at the S-lemma. A nominal
+    certificate fails there."""
     rng = np.random.default_rng(3)
     noise = RecordingNoise(x=3e-3, y=3e-3)
     h = rich_recording(rng, noise)
@@ -339,7 +379,8 @@ def test_a_robust_certificate_holds_on_the_boundary_of_its_set():
 
 
 def test_robust_bounds_hold_for_estimates_from_the_noisy_recording():
-    """Noisy recording, default space: the windows are no one's trajectories, and the bound accounts for it."""
+    """Noisy recording, default space: the windows are no one's trajectories, and the bound accounts
+    for it."""
     rng = np.random.default_rng(5)
     noise = RecordingNoise(x=1e-3, y=1e-3)
     for _ in range(20):
@@ -360,15 +401,20 @@ def test_robust_bounds_hold_for_estimates_from_the_noisy_recording():
 
 
 def noisy_copy(rng, x, y, size):
-    return ddmhe.History(x + size * rng.standard_normal(x.shape), y + size * rng.standard_normal(y.shape))
+    return ddmhe.History(
+        x + size * rng.standard_normal(x.shape), y + size * rng.standard_normal(y.shape)
+    )
 
 
 SPACES = ["auto", ddmhe.Exact(), ddmhe.Truncated(), ddmhe.Ridge(1e-2, normalised=True)]
 
 
-@pytest.mark.parametrize("seed", [pytest.param(k, marks=() if k % 4 == 0 else pytest.mark.long) for k in range(12)])
+@pytest.mark.parametrize(
+    "seed", [pytest.param(k, marks=() if k % 4 == 0 else pytest.mark.long) for k in range(12)]
+)
 def test_bounds_over_noisy_recordings_hold_where_they_are_given(seed):
-    """Every kind of certificate over recordings with noise: with the true model never exceeded, else there is none."""
+    """Every kind of certificate over recordings with noise: with the true model never exceeded,
+    else there is none."""
     rng = np.random.default_rng(seed)
     n, p = 1 + seed % 3, 1 + (seed // 3) % 3
     system = random_system(rng, n, p)
@@ -389,9 +435,15 @@ def test_bounds_over_noisy_recordings_hold_where_they_are_given(seed):
             offset = rng.standard_normal(n)
             prior = x_0 + initial * offset / np.linalg.norm(offset)
             for k, c in enumerate((bare, full, fitted)):
-                estimator = ddmhe.DdMhe(h, space=space, x_prior=prior, certificate=c, disturbance=(initial, w, v))
+                estimator = ddmhe.DdMhe(
+                    h, space=space, x_prior=prior, certificate=c, disturbance=(initial, w, v)
+                )
                 log = estimator.run(outputs)
-                said = [words for words in estimator.warnings if words.startswith("certificate: no error bound")]
+                said = [
+                    words
+                    for words in estimator.warnings
+                    if words.startswith("certificate: no error bound")
+                ]
                 assert (log.bound is None) == (len(said) == 1)
                 if log.bound is not None:
                     given[k] += 1
@@ -399,13 +451,16 @@ def test_bounds_over_noisy_recordings_hold_where_they_are_given(seed):
                     assert (error <= log.bound * (1 + 1e-9) + 1e-9).all()
                 else:
                     assert estimator.estimate.bound is None
-                    assert ("e and r with A and C" if k == 0 else "state the recording's noise") in said[0]
+                    assert (
+                        "e and r with A and C" if k == 0 else "state the recording's noise"
+                    ) in said[0]
     assert list(given) == [0, 16, 0]
 
 
 @pytest.mark.parametrize("seed", range(8))
 def test_offsets_are_read_off_a_recording_without_noise(seed):
-    """A known (A, C) alone: the recording is its trajectory, so there is a bound, far from zero as near it."""
+    """A known (A, C) alone: the recording is its trajectory, so there is a bound, far from zero as
+    near it."""
     rng = np.random.default_rng(seed)
     n = 1 + seed % 4
     system = random_system(rng, n, 2)
@@ -449,7 +504,8 @@ def test_no_bound_in_advance_from_a_model_of_a_noisy_recording(tmp_path):
 
 
 def test_what_noise_costs():
-    """More noise, larger weights; at none the robust certificate is the nominal one; at too much there is none."""
+    """More noise, larger weights; at none the robust certificate is the nominal one; at too much
+    there is none."""
     rng = np.random.default_rng(6)
     h = rich_recording(rng, RecordingNoise(x=1e-3, y=1e-3))
     sizes = [np.trace(ioss(h, 0.95, noise=RecordingNoise(x=s, y=s)).Q) for s in (1e-3, 2e-3, 4e-3)]
@@ -457,7 +513,9 @@ def test_what_noise_costs():
     assert sizes[0] > np.trace(ioss(h, 0.95).Q)
     with pytest.raises(ddmhe.InfeasibleError, match="noise: expected a size that leaves"):
         ioss(h, 0.95, noise=RecordingNoise(x=1e-3, y=5.0))
-    with pytest.raises(ddmhe.RankError, match="noise: expected a recording that moves every direction"):
+    with pytest.raises(
+        ddmhe.RankError, match="noise: expected a recording that moves every direction"
+    ):
         ioss(h, 0.95, noise=RecordingNoise(x=10.0))
 
 
@@ -479,7 +537,10 @@ def test_errors_name_the_argument():
     x = np.random.default_rng(0).standard_normal((30, 2))
     h = ddmhe.History(x, x[:-1] @ C.T)
     cases = [
-        (dict(A=A, C=hidden, eta=0.95), "eta: expected more than 0.9801, the square of the unobservable mode 0.99"),
+        (
+            dict(A=A, C=hidden, eta=0.95),
+            "eta: expected more than 0.9801, the square of the unobservable mode 0.99",
+        ),
         (dict(A=np.diag([1.1, 0.5]), C=hidden, eta=0.95), "A, C: expected a detectable pair"),
         (dict(A=A, C=C, eta=1.0), "eta: expected a number in"),
         (dict(A=A, C=C, eta=float("nan")), "eta: expected a number in"),
@@ -498,7 +559,10 @@ def test_errors_name_the_argument():
         (dict(history=h, A=A, C=C), "history: expected either a recording or A and C"),
         (dict(history=x), "history: expected a History"),
         (dict(history=ddmhe.History(x[:3], x[:2])), "history: expected"),
-        (dict(history=h, eta=0.9, noise=RecordingNoise(1e-6, 1e-6)), "no linear system explains the recording"),
+        (
+            dict(history=h, eta=0.9, noise=RecordingNoise(1e-6, 1e-6)),
+            "no linear system explains the recording",
+        ),
     ]
     for arguments, message in cases:
         with pytest.raises(ddmhe.DdmheError, match=message):
@@ -521,8 +585,14 @@ def test_the_estimator_checks_its_certificate():
         (dict(certificate=good, disturbance=(0.0, -1.0, 0.0)), "disturbance: expected a finite w"),
         (dict(certificate=good, disturbance=1.0), "disturbance: expected three numbers"),
         (dict(certificate="c"), "certificate: expected a ddmhe.design.Certificate"),
-        (dict(certificate=Certificate(-np.eye(2), np.eye(2), np.eye(1), 0.5, 0.0)), "symmetric positive definite P"),
-        (dict(certificate=Certificate(np.eye(3), np.eye(2), np.eye(1), 0.5, 0.0)), "certificate: expected a matrix"),
+        (
+            dict(certificate=Certificate(-np.eye(2), np.eye(2), np.eye(1), 0.5, 0.0)),
+            "symmetric positive definite P",
+        ),
+        (
+            dict(certificate=Certificate(np.eye(3), np.eye(2), np.eye(1), 0.5, 0.0)),
+            "certificate: expected a matrix",
+        ),
         (dict(certificate=Certificate(np.eye(2), np.eye(2), np.eye(1), 1.5, 0.0)), "eta in"),
     ]
     for arguments, message in cases:
@@ -531,7 +601,8 @@ def test_the_estimator_checks_its_certificate():
 
 
 def test_a_solution_that_rounding_refutes_is_sought_again_with_a_margin():
-    """At 1e-7 the programme's solution fails the eigenvalue check on 49 of 500 pairs; a margin rescues 15 of them."""
+    """At 1e-7 the programme's solution fails the eigenvalue check on 49 of 500 pairs; a margin
+    rescues 15 of them."""
     rng = np.random.default_rng(0)
     found = []
     for _ in range(100):
@@ -550,7 +621,10 @@ def test_a_solution_that_rounding_refutes_is_sought_again_with_a_margin():
         (lambda A, C: ioss(A=A, C=C, eta="x"), "eta: expected a number in"),
         (lambda A, C: ioss(A=A, C=C, gains=3.0), "gains: expected two positive"),
         (lambda A, C: ioss(A=A, C=C, gains=(1.0, "x")), "gains: expected two positive"),
-        (lambda A, C: ioss(A=A, C=C).error_bound(3, 30, "x", 0.0, 0.0), "initial: expected a finite"),
+        (
+            lambda A, C: ioss(A=A, C=C).error_bound(3, 30, "x", 0.0, 0.0),
+            "initial: expected a finite",
+        ),
         (lambda A, C: RecordingNoise(x="x"), "noise: expected a finite x"),
         (lambda A, C: scalar_certificate(A, C, np.zeros((2, 2)), "x", 1.0), "rho: expected"),
     ],

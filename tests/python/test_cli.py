@@ -1,4 +1,5 @@
-"""The command line as a user meets it: files in a temporary directory, and of each command a process of its own."""
+"""The command line as a user meets it: files in a temporary directory, and of each command a
+process of its own."""
 
 import os
 import re
@@ -32,7 +33,9 @@ def recording():
 
 @pytest.fixture(scope="module")
 def frame(recording):
-    return pd.DataFrame(np.hstack([recording.t[:, None], recording.x, recording.y]), columns=["t", *STATE, *OUTPUT])
+    return pd.DataFrame(
+        np.hstack([recording.t[:, None], recording.x, recording.y]), columns=["t", *STATE, *OUTPUT]
+    )
 
 
 @pytest.fixture(scope="module")
@@ -66,7 +69,9 @@ def test_estimate_writes_what_the_estimator_gives(recording, log, tmp_path):
 
 
 def test_estimate_into_a_directory_with_a_figure(log, tmp_path):
-    result = in_a_process("estimate", log, *COLUMNS, "--history", 20, "--out", tmp_path / "new" / "dir")
+    result = in_a_process(
+        "estimate", log, *COLUMNS, "--history", 20, "--out", tmp_path / "new" / "dir"
+    )
     assert result.returncode == 0, result.stderr
     assert len(pd.read_csv(tmp_path / "new" / "dir" / "estimate.csv")) == N - T
     assert (tmp_path / "new" / "dir" / "estimate.png").read_bytes().startswith(PNG)
@@ -77,7 +82,16 @@ def test_estimate_without_truth_prints_no_error_measures(frame, tmp_path):
     live.loc[T + 1 :, STATE] = np.nan
     live.to_csv(tmp_path / "live.csv", index=False)
     result = in_here(
-        "estimate", "live.csv", *COLUMNS, "--history", 20, "--out", "est.csv", "--plot", "est.svg", cwd=tmp_path
+        "estimate",
+        "live.csv",
+        *COLUMNS,
+        "--history",
+        20,
+        "--out",
+        "est.csv",
+        "--plot",
+        "est.svg",
+        cwd=tmp_path,
     )
     assert result.returncode == 0, result.stderr
     assert "RMSE" not in result.stdout
@@ -87,24 +101,52 @@ def test_estimate_without_truth_prints_no_error_measures(frame, tmp_path):
 
 def test_options_override_the_configuration(recording, log, tmp_path):
     config = tmp_path / "est.toml"
-    config.write_text("horizon = 12\nrho = 0.9\nmu = 3.0\nx_bounds = [-0.5, 0.5]\nspace = 'exact'\n")
-    options = ["--config", config, "--horizon", 8, "--space", "truncated:4", "--start-from", "state"]
-    result = in_here("estimate", log, *COLUMNS, "--history", 20, *options, "--out", tmp_path / "est.csv")
+    config.write_text(
+        "horizon = 12\nrho = 0.9\nmu = 3.0\nx_bounds = [-0.5, 0.5]\nspace = 'exact'\n"
+    )
+    options = [
+        "--config",
+        config,
+        "--horizon",
+        8,
+        "--space",
+        "truncated:4",
+        "--start-from",
+        "state",
+    ]
+    result = in_here(
+        "estimate", log, *COLUMNS, "--history", 20, *options, "--out", tmp_path / "est.csv"
+    )
     assert result.returncode == 0, result.stderr
     settings = {"horizon": 8, "rho": 0.9, "mu": 3.0, "x_bounds": (-0.5, 0.5), "start": "state"}
     expected = estimates_of(recording, **settings, space=ddmhe.Truncated(rank=4)).x
-    np.testing.assert_allclose(pd.read_csv(tmp_path / "est.csv")[STATE], expected, rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(
+        pd.read_csv(tmp_path / "est.csv")[STATE], expected, rtol=1e-9, atol=1e-12
+    )
     assert printed(result, "horizon M") == 8
 
 
 def test_start_decimate_and_time_choose_the_rows(frame, recording, tmp_path):
     moved = frame[[*STATE, "t", *OUTPUT]].assign(t=frame["t"] + 100.0)
     moved.to_csv(tmp_path / "log.csv", index=False)
-    options = ["--time", "t", "--start", 105, "--decimate", 2, "--history", 20, "--out", tmp_path / "est.csv"]
+    options = [
+        "--time",
+        "t",
+        "--start",
+        105,
+        "--decimate",
+        2,
+        "--history",
+        20,
+        "--out",
+        tmp_path / "est.csv",
+    ]
     result = in_here("estimate", tmp_path / "log.csv", *COLUMNS, *options)
     assert result.returncode == 0, result.stderr
     x, y = recording.x[50::2], recording.y[50::2]
-    expected = ddmhe.DdMhe(ddmhe.History(x[:101], y[:100], dt=0.2), start="recording").run(y[100:-1]).x
+    expected = (
+        ddmhe.DdMhe(ddmhe.History(x[:101], y[:100], dt=0.2), start="recording").run(y[100:-1]).x
+    )
     written = pd.read_csv(tmp_path / "est.csv")
     np.testing.assert_allclose(written["t"], 100 + recording.t[50::2][101:], rtol=1e-12)
     np.testing.assert_allclose(written[STATE], expected, rtol=1e-6, atol=1e-9)
@@ -113,7 +155,15 @@ def test_start_decimate_and_time_choose_the_rows(frame, recording, tmp_path):
 def test_filled_gaps_give_one_row_per_row_of_the_log(frame, log, tmp_path):
     holed = frame.drop(index=[90, 91, 300, 301, 302, 303])
     holed.to_csv(tmp_path / "log.csv", index=False)
-    arguments = ["estimate", tmp_path / "log.csv", *COLUMNS, "--history", 20, "--out", tmp_path / "est.csv"]
+    arguments = [
+        "estimate",
+        tmp_path / "log.csv",
+        *COLUMNS,
+        "--history",
+        20,
+        "--out",
+        tmp_path / "est.csv",
+    ]
     assert in_here(*arguments, "--gaps", "error").returncode == 2
     result = in_here(*arguments)
     assert result.returncode == 0, result.stderr
@@ -125,7 +175,8 @@ def test_filled_gaps_give_one_row_per_row_of_the_log(frame, log, tmp_path):
 
 
 def test_numbers_that_say_not_measured(frame, tmp_path):
-    """With --missing they are blanks; without it they are pointed out, by column, line and value, and still used."""
+    """With --missing they are blanks; without it they are pointed out, by column, line and value,
+    and still used."""
     holes = [(250, "ty"), (251, "ty"), (400, "wz"), (500, "tx")]
     blank, coded = frame.copy(), frame.copy()
     for k, name in holes:
@@ -135,15 +186,23 @@ def test_numbers_that_say_not_measured(frame, tmp_path):
     coded.to_csv(tmp_path / "coded.csv", index=False)
     (tmp_path / "est.toml").write_text("missing = [-9999, 999.0]\n")
     options = [*COLUMNS, "--history", 20]
-    expected = in_here("estimate", tmp_path / "blank.csv", *options, "--out", tmp_path / "blank-est.csv")
+    expected = in_here(
+        "estimate", tmp_path / "blank.csv", *options, "--out", tmp_path / "blank-est.csv"
+    )
     assert (expected.returncode, expected.stderr) == (0, "")
     for given in (["--missing", "-9999,999"], ["--config", tmp_path / "est.toml"]):
-        result = in_here("estimate", tmp_path / "coded.csv", *options, *given, "--out", tmp_path / "est.csv")
+        result = in_here(
+            "estimate", tmp_path / "coded.csv", *options, *given, "--out", tmp_path / "est.csv"
+        )
         assert (result.returncode, result.stderr) == (0, "")
         assert (tmp_path / "est.csv").read_bytes() == (tmp_path / "blank-est.csv").read_bytes()
     result = in_here("estimate", tmp_path / "coded.csv", *options)
     assert result.returncode == 0
-    for name, value, line in (("ty", "-9999", "252, 253"), ("tx", "-9999", "502"), ("wz", "999", "402")):
+    for name, value, line in (
+        ("ty", "-9999", "252, 253"),
+        ("tx", "-9999", "502"),
+        ("wz", "999", "402"),
+    ):
         told = f"column '{name}': {value} in line {line} sits more than 50 deviations out"
         assert sum(told in sentence for sentence in result.stderr.splitlines()) == 1
     assert "--missing -9999" in result.stderr
@@ -153,23 +212,41 @@ def test_numbers_that_say_not_measured(frame, tmp_path):
 def test_wrong_missing_option(log, wrong):
     result = in_here("estimate", log, *COLUMNS, "--history", 20, "--missing", wrong)
     assert result.returncode == 2
-    assert re.fullmatch(r"ddmhe: error: .*--missing.*expected finite numbers [^\n]+\n", result.stderr), result.stderr
+    assert re.fullmatch(
+        r"ddmhe: error: .*--missing.*expected finite numbers [^\n]+\n", result.stderr
+    ), result.stderr
 
 
 def test_a_wrapped_angle_is_pointed_out_and_can_be_unwrapped(tmp_path):
     k = np.arange(600)
     angle = 0.9 * 0.05 * k + 0.5 * np.sin(k / 9)
-    frame = pd.DataFrame({"t": 0.05 * k, "heading": angle % (2 * np.pi), "rate": 0.9 + np.cos(k / 9) / 0.9})
+    frame = pd.DataFrame(
+        {"t": 0.05 * k, "heading": angle % (2 * np.pi), "rate": 0.9 + np.cos(k / 9) / 0.9}
+    )
     frame["seen"] = frame["heading"] + 0.001 * np.random.default_rng(0).standard_normal(600)
     frame.to_csv(tmp_path / "log.csv", index=False)
-    options = ["--state", "heading,rate", "--output", "seen,rate", "--history", 15, "--out", tmp_path / "est.csv"]
+    options = [
+        "--state",
+        "heading,rate",
+        "--output",
+        "seen,rate",
+        "--history",
+        15,
+        "--out",
+        tmp_path / "est.csv",
+    ]
     result = in_here("estimate", tmp_path / "log.csv", *options)
     assert result.returncode == 0, result.stderr
     for name in ("heading", "seen"):
-        (said,) = re.findall(rf"warning: .*'{name}', line (\d+): .*full turn of 6.28.*--unwrap {name}\n", result.stderr)
+        (said,) = re.findall(
+            rf"warning: .*'{name}', line (\d+): .*full turn of 6.28.*--unwrap {name}\n",
+            result.stderr,
+        )
         jump = frame[name].diff().abs() > np.pi
         assert int(said) == jump.idxmax() + 2
-    assert "counted from 0" not in result.stderr  # the estimator knows no columns: it would say the same again
+    assert (
+        "counted from 0" not in result.stderr
+    )  # the estimator knows no columns: it would say the same again
     result = in_here("estimate", tmp_path / "log.csv", *options, "--unwrap", "heading,seen")
     assert result.returncode == 0, result.stderr
     assert "full turn" not in result.stderr
@@ -217,7 +294,9 @@ print(sorted({"cvxpy", "matplotlib"} & set(sys.modules)))
 
 
 def test_what_takes_long_to_import_is_imported_when_it_is_used():
-    done = subprocess.run([sys.executable, "-c", IMPORTS], capture_output=True, text=True, timeout=120)
+    done = subprocess.run(
+        [sys.executable, "-c", IMPORTS], capture_output=True, text=True, timeout=120
+    )
     assert (done.stdout, done.stderr) == ("[]\n[]\n", "")
 
 
@@ -232,7 +311,10 @@ WRONG = [
     (["estimate"], ["Missing argument", "LOG"]),
     (["estimate", "log.csv", "--state", "wx", "--output", "tx"], ["Missing option", "--history"]),
     (["estimate", "none.csv", *COLUMNS, "--history", "20"], ["none.csv", "no such file"]),
-    (["estimate", "log.csv", "--state", "wx,,wy", "--output", "tx", "--history", "20"], ["--state", "wx,,wy"]),
+    (
+        ["estimate", "log.csv", "--state", "wx,,wy", "--output", "tx", "--history", "20"],
+        ["--state", "wx,,wy"],
+    ),
     (
         ["estimate", "log.csv", "--state", "wxx", "--output", "tx", "--history", "20"],
         ["state", "'wxx'", "did you mean 'wx'"],
@@ -256,13 +338,22 @@ WRONG = [
     ([*BASE, "--out", "log.csv"], ["--out", "other than the log"]),
     ([*BASE, "--out", "log.csv/est"], ["log.csv"]),
     ([*BASE, "--plot", "est.gif"], ["--plot", ".png", "est.gif"]),
-    (["estimate", "cell.csv", *COLUMNS, "--history", "20"], ["cell.csv", "line 12", "'tx'", "'n/a?'"]),
-    (["estimate", "hole.csv", *COLUMNS, "--history", "20"], ["hole.csv", "line 12", "'wy'", "inside the history"]),
+    (
+        ["estimate", "cell.csv", *COLUMNS, "--history", "20"],
+        ["cell.csv", "line 12", "'tx'", "'n/a?'"],
+    ),
+    (
+        ["estimate", "hole.csv", *COLUMNS, "--history", "20"],
+        ["hole.csv", "line 12", "'wy'", "inside the history"],
+    ),
     (
         ["estimate", "gap.csv", *COLUMNS, "--history", "20", "--gaps", "error"],
         ["gap.csv", "gap inside the history", "line 52", "--gaps"],
     ),
-    (["estimate", "back.csv", *COLUMNS, "--history", "20"], ["back.csv", "line 22", "'t'", "expected a time after"]),
+    (
+        ["estimate", "back.csv", *COLUMNS, "--history", "20"],
+        ["back.csv", "line 22", "'t'", "expected a time after"],
+    ),
     (["estimate", "still.csv", *COLUMNS, "--history", "20"], ["state x that changes"]),
 ]
 
@@ -274,9 +365,13 @@ def wrong_files(frame, tmp_path_factory):
     text = frame.astype(object)
     text.loc[10, "tx"] = "n/a?"
     text.to_csv(directory / "cell.csv", index=False)
-    frame.assign(wy=frame["wy"].where(frame.index != 10)).to_csv(directory / "hole.csv", index=False)
+    frame.assign(wy=frame["wy"].where(frame.index != 10)).to_csv(
+        directory / "hole.csv", index=False
+    )
     frame.drop(index=[51, 52]).to_csv(directory / "gap.csv", index=False)
-    frame.assign(t=frame["t"].where(frame.index != 20, 0.0)).to_csv(directory / "back.csv", index=False)
+    frame.assign(t=frame["t"].where(frame.index != 20, 0.0)).to_csv(
+        directory / "back.csv", index=False
+    )
     frame.assign(wx=1.0, wy=2.0, wz=3.0).to_csv(directory / "still.csv", index=False)
     (directory / "bad.toml").write_text("horizn = 3\n")
     (directory / "bounds.toml").write_text("x_bounds = [1.0, -1.0]\n")
@@ -300,19 +395,26 @@ def test_wrong_usage_is_one_line_and_exit_code_2(wrong_files, arguments, words):
 
 
 @pytest.mark.parametrize(
-    "case", [pytest.param(k, marks=() if k % 12 == 0 else pytest.mark.long) for k in range(len(WRONG))]
+    "case",
+    [pytest.param(k, marks=() if k % 12 == 0 else pytest.mark.long) for k in range(len(WRONG))],
 )
 def test_wrong_usage_in_a_process_of_its_own(wrong_files, case):
     check_wrong_usage(in_a_process, wrong_files, *WRONG[case])
 
 
-DATA = Path(os.environ.get("DDMHE_DATA", Path(__file__).parents[3] / "shared" / "data")) / "repoimu-pendulum"
+DATA = (
+    Path(os.environ.get("DDMHE_DATA", Path(__file__).parents[3] / "shared" / "data"))
+    / "repoimu-pendulum"
+)
 
 
-@pytest.mark.skipif(not DATA.is_dir(), reason="no measured logs: set DDMHE_DATA to the directory of data sets")
+@pytest.mark.skipif(
+    not DATA.is_dir(), reason="no measured logs: set DDMHE_DATA to the directory of data sets"
+)
 @pytest.mark.parametrize("trial", ["Test03", "Test04", "Test05", "Test06", "Test07", "Test08"])
 def test_measured_pendulum_logs(trial, tmp_path):
-    """From the accelerometer alone the rate of a swinging pendulum is known better than by its mean."""
+    """From the accelerometer alone the rate of a swinging pendulum is known better than by its
+    mean."""
     path = DATA / f"{trial}_Trial1_Segment_1.csv"
     log = pd.read_csv(path).iloc[::4]
     rates = ["omega_x_rad_s", "omega_y_rad_s", "omega_z_rad_s"]
@@ -322,10 +424,13 @@ def test_measured_pendulum_logs(trial, tmp_path):
     options = ["--history", 3.6, "--decimate", 4, "--start", start, "--out", tmp_path / "est.csv"]
     result = in_here("estimate", path, *columns, *options)
     assert result.returncode == 0, result.stderr
-    assert printed(result, "NRMSE pooled") < 0.6  # all three rates in rad/s, by their columns' names
+    assert (
+        printed(result, "NRMSE pooled") < 0.6
+    )  # all three rates in rad/s, by their columns' names
     t, clock = pd.read_csv(tmp_path / "est.csv")["time_s"], pd.read_csv(path)["time_s"]
     assert t.isin(clock).all()
-    # after lost rows, too, samples stand on the grid of four steps of the clock: late stamps and all
+    # after lost rows, too, samples stand on the grid of four steps of the clock: late stamps and
+    # all
     step = clock.diff()[clock.diff() < 0.009].mean()
     off = (t.diff().dropna() / (4 * step) + 0.5) % 1 - 0.5
     assert off.abs().max() < 0.2  # a row off is a quarter
@@ -338,7 +443,9 @@ def test_design_writes_a_certificate_that_estimate_takes(log, tmp_path):
     assert "(24) is impossible" in result.stdout
     assert (tmp_path / "poles.png").read_bytes().startswith(PNG)
     config = tmp_path / "design.toml"
-    estimated = in_here("estimate", log, *COLUMNS, "--history", 20, "--config", config, "--out", tmp_path / "e.csv")
+    estimated = in_here(
+        "estimate", log, *COLUMNS, "--history", 20, "--config", config, "--out", tmp_path / "e.csv"
+    )
     assert (estimated.returncode, estimated.stderr) == (0, "")
     assert printed(estimated, "rho") == 0.9
     short = in_here("estimate", log, *COLUMNS, "--history", 20, "--config", config, "--horizon", 13)
@@ -347,7 +454,8 @@ def test_design_writes_a_certificate_that_estimate_takes(log, tmp_path):
 
 
 def test_a_certificate_survives_its_file(tmp_path):
-    """Also a robust one, whose uncertainty widens the error bound: the bounds are the same to the last digit."""
+    """Also a robust one, whose uncertainty widens the error bound: the bounds are the same to the
+    last digit."""
     from ddmhe.config import read_config, write_config
     from ddmhe.design import RecordingNoise, ioss
 
@@ -361,7 +469,10 @@ def test_a_certificate_survives_its_file(tmp_path):
         write_config(tmp_path / "c.toml", settings | {"space": ddmhe.Ridge(1e-6, normalised=True)})
         read = read_config(tmp_path / "c.toml")
         assert read["space"] == ddmhe.Ridge(1e-6, normalised=True)
-        bounds = [ddmhe.DdMhe(history, **s).run(y[:30]).bound for s in (settings | {"space": read["space"]}, read)]
+        bounds = [
+            ddmhe.DdMhe(history, **s).run(y[:30]).bound
+            for s in (settings | {"space": read["space"]}, read)
+        ]
         np.testing.assert_array_equal(*bounds)
         assert (read["certificate"].uncertainty is None) == (noise is None)
 
@@ -373,9 +484,18 @@ def test_a_certificate_survives_its_file(tmp_path):
         ("[certificate]\neta = 0.9", "certificate: expected eta, P, Q and R, found no P"),
         ("[certificate]\ncolour = 1", "certificate: expected one of"),
         ("[certificate]\neta = 'x'", "certificate: expected numbers for eta"),
-        ("[certificate]\neta=0.9\nP=[[1.0],[2.0,3.0]]\nQ=[[1.0]]\nR=[[1.0]]", "expected rectangular matrices"),
-        ("[certificate]\neta=0.9\nP=[[1.0]]\nQ=[[1.0]]\nR=[[1.0]]", "certificate: expected a matrix (3, 3)"),
-        ("space = {kind = 'ridge', weight = 1.0, normalised = 1}", "expected true or false for normalised"),
+        (
+            "[certificate]\neta=0.9\nP=[[1.0],[2.0,3.0]]\nQ=[[1.0]]\nR=[[1.0]]",
+            "expected rectangular matrices",
+        ),
+        (
+            "[certificate]\neta=0.9\nP=[[1.0]]\nQ=[[1.0]]\nR=[[1.0]]",
+            "certificate: expected a matrix (3, 3)",
+        ),
+        (
+            "space = {kind = 'ridge', weight = 1.0, normalised = 1}",
+            "expected true or false for normalised",
+        ),
     ],
 )
 def test_wrong_certificates_in_a_file(log, tmp_path, text, message):
@@ -405,12 +525,19 @@ def test_tune_writes_settings_that_estimate_takes(log, tmp_path):
     assert "held-out quarters" in result.stdout
     assert (tmp_path / "tune.png").read_bytes().startswith(PNG)
     assert len(pd.read_csv(tmp_path / "tune.csv")) > 100
-    # of each state, by its column: what to expect, and whether the settings are better than the default rule's
+    # of each state, by its column: what to expect, and whether the settings are better than the
+    # default rule's
     for column in COLUMNS[COLUMNS.index("--state") + 1].split(","):
-        (row,) = [line for line in result.stdout.splitlines() if line.strip("│ ").startswith(f"{column} ")]
-        assert re.search(r"│ +[\d.e-]+ +│ +[\d.e-]+ to [\d.e-]+ +│ +(cannot tell|[\d.e-]+ times its error)", row)
+        (row,) = [
+            line for line in result.stdout.splitlines() if line.strip("│ ").startswith(f"{column} ")
+        ]
+        assert re.search(
+            r"│ +[\d.e-]+ +│ +[\d.e-]+ to [\d.e-]+ +│ +(cannot tell|[\d.e-]+ times its error)", row
+        )
     assert ddmhe.config.read_config(tmp_path / "tune.toml")["start"] == "recording"
-    estimated = in_here("estimate", log, *COLUMNS, "--history", 8, "--config", tmp_path / "tune.toml")
+    estimated = in_here(
+        "estimate", log, *COLUMNS, "--history", 8, "--config", tmp_path / "tune.toml"
+    )
     assert estimated.returncode == 0
     # chosen for accuracy, not for contraction, and said
     assert all("4 rho^M" in line for line in estimated.stderr.splitlines())
@@ -430,7 +557,8 @@ def test_interval_of_the_pendulum(tmp_path):
 
 
 def test_bounds_that_say_nothing_are_refused(tmp_path):
-    """A swing of growing size that no affine system follows: the smallest radii are a large part of the motion."""
+    """A swing of growing size that no affine system follows: the smallest radii are a large part of
+    the motion."""
     t = 0.1 * np.arange(300)
     a = np.sin(t * (1 + 0.02 * t))
     frame = pd.DataFrame({"t": t, "a": a, "b": np.cos(3 * a), "y": a**2})
@@ -452,20 +580,27 @@ def test_bounds_that_say_nothing_are_refused(tmp_path):
 
 
 def test_interval_of_a_log(tmp_path):
-    """A linear system with bounded noise: the log's states stay inside, and the files hold the bounds."""
+    """A linear system with bounded noise: the log's states stay inside, and the files hold the
+    bounds."""
     rng = np.random.default_rng(0)
     x, y = [np.array([2.0, -1.0])], []
     for _ in range(200):
         y.append(x[-1] @ [1.0, 0.5] + 0.3 + 0.02 * rng.uniform(-1, 1))
         x.append(np.array([[0.95, 0.2], [-0.15, 0.9]]) @ x[-1] + 0.01 * rng.uniform(-1, 1, 2))
     log = tmp_path / "log.csv"
-    frame = pd.DataFrame({"t": 0.1 * np.arange(200), "a": np.array(x)[:-1, 0], "b": np.array(x)[:-1, 1], "y": y})
+    frame = pd.DataFrame(
+        {"t": 0.1 * np.arange(200), "a": np.array(x)[:-1, 0], "b": np.array(x)[:-1, 1], "y": y}
+    )
     frame.to_csv(log, index=False)
     options = ["--state", "a,b", "--output", "y", "--history", 6]
-    result = in_a_process("interval", log, *options, "--w-radius", 0.01, "--v-radius", 0.02, "--out", tmp_path)
+    result = in_a_process(
+        "interval", log, *options, "--w-radius", 0.01, "--v-radius", 0.02, "--out", tmp_path
+    )
     assert (result.returncode, result.stderr) == (0, "")
     assert "Guaranteed for every system" in result.stdout
-    assert re.search(r"verdict: a 0\.\d+ of the recorded range; b 0\.\d+ of the recorded range", result.stdout)
+    assert re.search(
+        r"verdict: a 0\.\d+ of the recorded range; b 0\.\d+ of the recorded range", result.stdout
+    )
     assert printed(result, "samples of the log outside") == 0
     written = pd.read_csv(tmp_path / "interval.csv")
     truth = frame.set_index("t").loc[written["t"]]
@@ -483,7 +618,10 @@ def test_interval_of_a_log(tmp_path):
     pd.testing.assert_frame_equal(pd.read_csv(tmp_path / "blind" / "interval.csv"), written)
     assert (tmp_path / "interval.png").read_bytes().startswith(PNG)
     for changed, words in (
-        (["--w-radius", 1e-4, "--v-radius", 0.02], "w_radius: expected a bound that an affine system satisfies"),
+        (
+            ["--w-radius", 1e-4, "--v-radius", 0.02],
+            "w_radius: expected a bound that an affine system satisfies",
+        ),
         (["--w-radius", "1e-4,1", "--v-radius", 0.02], "for a, "),
         (["--w-radius", 0.01], "--v-radius: expected with a log"),
         (["--w-radius", "x", "--v-radius", 0.02], "--w-radius"),

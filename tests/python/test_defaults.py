@@ -1,4 +1,5 @@
-"""The default rule where a one-step model says little: against a plain regression, which needs no rule."""
+"""The default rule where a one-step model says little: against a plain regression, which needs no
+rule."""
 
 import os
 from pathlib import Path
@@ -9,7 +10,9 @@ import pytest
 import ddmhe
 from ddmhe.baselines import RidgeFir
 
-DATA = Path(os.environ.get("DDMHE_DATA", Path(__file__).parents[3] / "shared" / "data")) / "input-logs"
+DATA = (
+    Path(os.environ.get("DDMHE_DATA", Path(__file__).parents[3] / "shared" / "data")) / "input-logs"
+)
 
 
 def driven(phi, seed, T=800, N=800, dt=0.05):
@@ -49,14 +52,17 @@ def test_a_complete_state_keeps_the_rule():
     assert (estimator.mu, estimator.rho, estimator.horizon) == (pytest.approx(0.1), 0.95, 20)
 
 
-@pytest.mark.skipif(not DATA.is_dir(), reason="no measured logs: set DDMHE_DATA to the directory of data sets")
+@pytest.mark.skipif(
+    not DATA.is_dir(), reason="no measured logs: set DDMHE_DATA to the directory of data sets"
+)
 def test_measured_robot_arm():
     """Joint rates from angles in other recordings than the learnt ones: the rule alone had .77."""
 
     def log(number):
         table = np.genfromtxt(DATA / f"robot_{number}.csv", delimiter=",", names=True)
         x, y = (
-            np.column_stack([table[f"{c}{i}_{unit}"] for i in (1, 2, 3)]) for c, unit in (("w", "rad_s"), ("q", "rad"))
+            np.column_stack([table[f"{c}{i}_{unit}"] for i in (1, 2, 3)])
+            for c, unit in (("w", "rad_s"), ("q", "rad"))
         )
         return x, y[:-1]
 

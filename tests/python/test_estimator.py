@@ -63,12 +63,15 @@ def test_estimate_uses_outputs_up_to_the_previous_sample(recorded):
 
 
 def test_several_recordings_excite_what_one_does_not():
-    """Each recording alone leaves a mode at rest; together they determine it. No window crosses the seam."""
+    """Each recording alone leaves a mode at rest; together they determine it. No window crosses the
+    seam."""
     rng = np.random.default_rng(3)
     system = random_system(rng, 4, 2)
     values, vectors = np.linalg.eig(system.A)
     rest = np.linalg.solve(np.eye(4) - system.A, system.e)
-    first = np.real(vectors[:, 0] + np.conj(vectors[:, 0])) + np.real(1j * (vectors[:, 0] - np.conj(vectors[:, 0])))
+    first = np.real(vectors[:, 0] + np.conj(vectors[:, 0])) + np.real(
+        1j * (vectors[:, 0] - np.conj(vectors[:, 0]))
+    )
     starts = [rest + first, rest + rng.standard_normal(4)]
     histories = [ddmhe.History(*system.simulate(start, 30)) for start in starts]
     assert not histories[0].rank(5).satisfied
@@ -84,7 +87,8 @@ def test_several_recordings_excite_what_one_does_not():
 
 
 def test_both_paths_agree(recorded):
-    """A box pushed in by 1e-9 sends the problem to the solver; the answer may move by no more than that."""
+    """A box pushed in by 1e-9 sends the problem to the solver; the answer may move by no more than
+    that."""
     _, x, y, _, outputs = recorded
     h = ddmhe.History(x, y)
     free = ddmhe.DdMhe(h, 10, 0.9, 1.0)
@@ -105,7 +109,9 @@ def test_both_paths_agree(recorded):
 def test_bounds_hold_on_every_state_of_the_window(recorded):
     _, x, y, truth, outputs = recorded
     lo, hi = truth.min(0) * 0.8, truth.max(0) * 0.8
-    estimator = ddmhe.DdMhe(ddmhe.History(x, y), 8, 0.9, 1.0, x_bounds=(lo, hi), x_prior=np.clip(truth[0], lo, hi))
+    estimator = ddmhe.DdMhe(
+        ddmhe.History(x, y), 8, 0.9, 1.0, x_bounds=(lo, hi), x_prior=np.clip(truth[0], lo, hi)
+    )
     seen = 0
     for sample in outputs[:30]:
         estimate = estimator.step(sample)
@@ -154,14 +160,19 @@ def test_missing_outputs(recorded):
     holes[20] = np.nan
     log = ddmhe.DdMhe(h, 10, 0.9, 1.0).run(holes)
     assert np.isfinite(log.x).all()
-    assert np.abs(log.x - truth[1:]).max() < 3 * np.abs(ddmhe.DdMhe(h, 10, 0.9, 1.0).run(outputs).x - truth[1:]).max()
+    assert (
+        np.abs(log.x - truth[1:]).max()
+        < 3 * np.abs(ddmhe.DdMhe(h, 10, 0.9, 1.0).run(outputs).x - truth[1:]).max()
+    )
     nothing = ddmhe.DdMhe(h, 10, 0.9, 1.0, x_prior=truth[0]).run(np.full((10, 2), np.nan))
     assert np.allclose(nothing.x, truth[1:11], atol=1e-9)  # pure prediction from the prior
 
 
 def test_snapshot_continues_with_the_same_numbers(recorded):
     _, x, y, _, outputs = recorded
-    estimator = ddmhe.DdMhe(ddmhe.History(x, y), 9, x_bounds=(-2, 2), x_center="history", warm_start=True)
+    estimator = ddmhe.DdMhe(
+        ddmhe.History(x, y), 9, x_bounds=(-2, 2), x_center="history", warm_start=True
+    )
     estimator.run(outputs[:15])
     blob = estimator.snapshot()
     assert isinstance(blob, bytes)
@@ -182,7 +193,8 @@ def test_reset_starts_again(recorded):
 
 
 def test_warm_start_fills_the_window_from_the_recording(recorded):
-    """Its first estimate is that of a full window over the recording's last outputs and the first new one."""
+    """Its first estimate is that of a full window over the recording's last outputs and the first
+    new one."""
     _, x, y, _, outputs = recorded
     M = 10
     warm = ddmhe.DdMhe(ddmhe.History(x, y), M, 0.9, 1.0, warm_start=True)
@@ -200,10 +212,15 @@ def test_equilibrium_helps_a_noisy_recording_and_is_left_out_of_a_clean_one():
     squares = np.zeros(2)
     for seed in range(10):
         rng = np.random.default_rng(seed)
-        noisy_x, noisy_y = x + 0.3 * rng.standard_normal(x.shape), y + 0.002 * rng.standard_normal(y.shape)
+        noisy_x, noisy_y = (
+            x + 0.3 * rng.standard_normal(x.shape),
+            y + 0.002 * rng.standard_normal(y.shape),
+        )
         h = ddmhe.History(noisy_x[:51], noisy_y[:50], 0.01)
         for k, rest in enumerate((([0], [0]), None)):
-            squares[k] += np.sum((ddmhe.DdMhe(h, equilibrium=rest).run(noisy_y[50:-1]).x - x[51:]) ** 2)
+            squares[k] += np.sum(
+                (ddmhe.DdMhe(h, equilibrium=rest).run(noisy_y[50:-1]).x - x[51:]) ** 2
+            )
     assert np.sqrt(squares[0] / squares[1]) < 0.5
     clean = ddmhe.DdMhe(ddmhe.History(x[:51], y[:50], 0.01), equilibrium=([0.0], [0.0]))
     assert any("equilibrium" in warning for warning in clean.warnings)
@@ -267,12 +284,16 @@ def test_default_rule_does_not_depend_on_units_or_offsets():
 def test_many_runs_are_the_single_ones():
     """Other horizons, bounds that bind, lost samples: every log as if it had been run alone."""
     model = ddmhe.models.detumbling()
-    settings = [{"horizon": 5 + k % 7, "v_bounds": (-0.02, 0.02) if k % 2 else None} for k in range(12)]
+    settings = [
+        {"horizon": 5 + k % 7, "v_bounds": (-0.02, 0.02) if k % 2 else None} for k in range(12)
+    ]
     records = [model.simulate(30.0, 0.1, noise=0.01, seed=k) for k in range(12)]
     histories = [ddmhe.History(r.x[:151], r.y[:150], dt=0.1) for r in records]
     outputs = [r.y[150 : 250 + 3 * k] for k, r in enumerate(records)]
     outputs[3][40, 1] = np.nan
-    single = [ddmhe.DdMhe(h, **s).run(Y) for h, s, Y in zip(histories, settings, outputs, strict=True)]
+    single = [
+        ddmhe.DdMhe(h, **s).run(Y) for h, s, Y in zip(histories, settings, outputs, strict=True)
+    ]
     estimators = [ddmhe.DdMhe(h, **s) for h, s in zip(histories, settings, strict=True)]
     many = ddmhe.run_many(estimators, outputs)
     for a, b in zip(single, many, strict=True):
@@ -337,7 +358,15 @@ def read_only(shape):
 
 
 @pytest.mark.parametrize(
-    "out", [np.empty(9), np.empty(3, dtype=np.float32), [0.0] * 3, np.empty(6)[::2], read_only(3), np.empty((3, 1))]
+    "out",
+    [
+        np.empty(9),
+        np.empty(3, dtype=np.float32),
+        [0.0] * 3,
+        np.empty(6)[::2],
+        read_only(3),
+        np.empty((3, 1)),
+    ],
 )
 def test_an_out_that_cannot_take_the_state_changes_nothing(recorded, out):
     _, x, y, _, outputs = recorded

@@ -1,4 +1,5 @@
-"""The programs in `examples`, as a reader would run them; the Rust ones are run by tests/rust/examples.rs."""
+"""The programs in `examples`, as a reader would run them; the Rust ones are run by
+tests/rust/examples.rs."""
 
 import re
 import subprocess

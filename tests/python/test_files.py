@@ -20,7 +20,9 @@ def writers():
     from ddmhe.reproduce.claims import write_claims
 
     t, x = np.arange(5000.0), np.random.default_rng(0).standard_normal((5000, 2))
-    figure = estimate_figure(t, x, None, history=(t[:3] - 9, x[:3]), names=["a", "b"], quantity="x (1)")
+    figure = estimate_figure(
+        t, x, None, history=(t[:3] - 9, x[:3]), names=["a", "b"], quantity="x (1)"
+    )
     return {
         "a.csv": lambda path: report.write_estimates(path, "t", t, ["a", "b"], x),
         "a.png": lambda path: report.save_figure(figure, path),
@@ -34,7 +36,8 @@ def writers():
 @pytest.mark.skipif(not os.path.exists(FULL), reason="no /dev/full on this system")
 @pytest.mark.parametrize("name", ["a.csv", "a.png", "a.svg", "a.toml", "a.md", "a.txt"])
 def test_a_full_disk_is_named_and_leaves_no_half_file(name, tmp_path):
-    """The device that every write fails on for want of space; through a link, so that endings are as usual."""
+    """The device that every write fails on for want of space; through a link, so that endings are
+    as usual."""
     link = tmp_path / name
     link.symlink_to(FULL)
     with pytest.raises(DdmheError, match=rf"{name}: .* No space left on device") as e:
@@ -47,13 +50,17 @@ def test_a_full_disk_is_named_and_leaves_no_half_file(name, tmp_path):
 
 @pytest.mark.parametrize("name", ["a.csv", "a.png", "a.svg", "a.toml", "a.txt"])
 def test_what_was_there_stays_until_the_new_file_is_whole(name, tmp_path):
-    """The system stops the writing in the middle (a limit on the size of files, as a quota does)."""
+    """The system stops the writing in the middle (a limit on the size of files, as a quota
+    does)."""
     path = tmp_path / name
     path.write_text("old")
     write, limits = writers()[name], resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (5000, limits[1]))
     try:
-        with pytest.raises(DdmheError, match=rf"{name}: expected to be able to write this file, found: File too large"):
+        with pytest.raises(
+            DdmheError,
+            match=rf"{name}: expected to be able to write this file, found: File too large",
+        ):
             write(path)
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, limits)
@@ -68,14 +75,31 @@ def test_the_command_line_says_which_file_and_why(tmp_path):
     record = models.spin_down().simulate(4.0, 0.02, noise=0.001)
     frame = pd.DataFrame({"t": record.t, "w": record.x[:, 0], "q": record.y[:, 0]})
     frame.to_csv(tmp_path / "log.csv", index=False)
-    command = ["ddmhe", "estimate", "log.csv", "--state", "w", "--output", "q", "--history", "2", "--out", "est.csv"]
+    command = [
+        "ddmhe",
+        "estimate",
+        "log.csv",
+        "--state",
+        "w",
+        "--output",
+        "q",
+        "--history",
+        "2",
+        "--out",
+        "est.csv",
+    ]
     code = (
         "import resource, sys; resource.setrlimit(resource.RLIMIT_FSIZE, (900, 900))\n"
         f"sys.argv = {command}\nfrom ddmhe.cli import main\nmain()"
     )
-    result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=tmp_path, timeout=120)
+    result = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, cwd=tmp_path, timeout=120
+    )
     assert result.returncode == 2, result.stderr
-    assert result.stderr == "ddmhe: error: est.csv: expected to be able to write this file, found: File too large\n"
+    assert (
+        result.stderr
+        == "ddmhe: error: est.csv: expected to be able to write this file, found: File too large\n"
+    )
     assert sorted(os.listdir(tmp_path)) == ["log.csv"]
 
 
@@ -86,7 +110,9 @@ def test_links_and_modes_are_those_of_usual_files(tmp_path):
     assert (tmp_path / "link.txt").is_symlink()
     assert (tmp_path / "there" / "file.txt").read_text() == "new"
     (tmp_path / "usual.txt").write_text("")
-    assert (tmp_path / "there" / "file.txt").stat().st_mode == (tmp_path / "usual.txt").stat().st_mode
+    assert (tmp_path / "there" / "file.txt").stat().st_mode == (
+        tmp_path / "usual.txt"
+    ).stat().st_mode
 
 
 @pytest.mark.parametrize("path", ["no/such/directory/a.txt", "a\0b", None, 3.5])

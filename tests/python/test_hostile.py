@@ -1,4 +1,5 @@
-"""Outputs, bounds and settings that no sane log has: nothing panics, what is optimal is finite, and it recovers."""
+"""Outputs, bounds and settings that no sane log has: nothing panics, what is optimal is finite, and
+it recovers."""
 
 import numpy as np
 import pytest
@@ -43,7 +44,8 @@ def test_a_spike_leaves_the_answer_inside_its_box(space, size):
 @pytest.mark.parametrize("space", [ddmhe.Ridge(1e-6), ddmhe.Truncated()])
 @pytest.mark.parametrize("size", [1e9, 1e12, 1e15])
 def test_what_is_optimal_beside_a_huge_spike_is_inside_its_box(space, size):
-    """Where rounding takes the digits that a bound is to hold to, the answer is moved inside and not called optimal."""
+    """Where rounding takes the digits that a bound is to hold to, the answer is moved inside and
+    not called optimal."""
     for seed in range(6):
         h, outputs, limit, deviation = case(seed)
         outputs[30] += size * deviation
@@ -64,7 +66,9 @@ def test_a_spike_is_no_worse_with_bounded_noise(size):
             settings = dict(space=ddmhe.Truncated(), x_bounds=(-limit, limit), v_bounds=v_bounds)
             clean, found = steps(h, outputs, **settings), steps(h, spiked, **settings)
             assert {e.status for e in clean} == {"optimal"}
-            off[k] += sum(np.abs(a.x - b.x).max() > 0.2 * limit for a, b in zip(clean, found, strict=True))
+            off[k] += sum(
+                np.abs(a.x - b.x).max() > 0.2 * limit for a, b in zip(clean, found, strict=True)
+            )
             if v_bounds:
                 assert [k for k, e in enumerate(found) if e.status != "optimal"] == [30]
                 assert np.isnan(found[30].v[-1]).all()
@@ -74,14 +78,17 @@ def test_a_spike_is_no_worse_with_bounded_noise(size):
 
 
 def test_a_spike_at_the_start_does_not_lock_the_others_out():
-    """The first output contradicts nothing; the three after it are doubted in its place, then it is given up."""
+    """The first output contradicts nothing; the three after it are doubted in its place, then it is
+    given up."""
     h, outputs, limit, deviation = case(0)
     spiked = outputs.copy()
     spiked[0] += 50 * deviation
     settings = dict(space=ddmhe.Truncated(), v_bounds=(-0.25, 0.25))
     clean, found = steps(h, outputs, **settings), steps(h, spiked, **settings)
     assert [k for k, e in enumerate(found) if e.status != "optimal"] == [1, 2, 3, 4]
-    assert all(np.abs(a.x - b.x).max() < 0.05 * limit for a, b in zip(clean[8:], found[8:], strict=True))
+    assert all(
+        np.abs(a.x - b.x).max() < 0.05 * limit for a, b in zip(clean[8:], found[8:], strict=True)
+    )
 
 
 def test_an_infeasible_box_of_one_step_is_kept_and_not_remembered():
@@ -170,23 +177,32 @@ def hostile(rng, shape, scale):
 
 
 def test_no_data_make_it_panic_or_lie():
-    """Whatever comes: an error that is ours, or numbers; and after M sane samples it is optimal again."""
+    """Whatever comes: an error that is ours, or numbers; and after M sane samples it is optimal
+    again."""
     rng = np.random.default_rng(0)
     refused = ran = failed = 0
     for k in range(250):
-        n, p, scale = rng.integers(1, 4), rng.integers(1, 3), 10.0 ** rng.choice([0, 0, -40, 40, 80])
+        n, p, scale = (
+            rng.integers(1, 4),
+            rng.integers(1, 3),
+            10.0 ** rng.choice([0, 0, -40, 40, 80]),
+        )
         system = random_system(rng, int(n), int(p))
         x, y = system.simulate(rng.standard_normal(n), 60)
         x, y = scale * x, y + 0.01 * rng.standard_normal(y.shape)
         sides = sorted(10.0 ** rng.uniform(-2, 2) * scale for _ in range(2))
         settings = {
             "horizon": int(rng.integers(1, 12)),
-            "x_bounds": [None, (-sides[1], sides[1]), (sides[0], sides[1]), (-HUGE, HUGE)][rng.integers(4)],
+            "x_bounds": [None, (-sides[1], sides[1]), (sides[0], sides[1]), (-HUGE, HUGE)][
+                rng.integers(4)
+            ],
             "v_bounds": [None, (-0.1, 0.1), (-HUGE, 1e-300)][rng.integers(3)],
             "x_center": [None, None, "history"][rng.integers(3)],
             "mu": [None, None, 10.0 ** rng.uniform(-200, 200)][rng.integers(3)],
             "rho": [None, None, 1e-200, 1 - 1e-16][rng.integers(4)],
-            "space": ["auto", ddmhe.Exact(), ddmhe.Truncated(), ddmhe.Ridge(1e-3 * scale**2)][rng.integers(4)],
+            "space": ["auto", ddmhe.Exact(), ddmhe.Truncated(), ddmhe.Ridge(1e-3 * scale**2)][
+                rng.integers(4)
+            ],
             "warm_start": bool(rng.integers(2)),
         }
         try:
@@ -209,7 +225,11 @@ def test_no_data_make_it_panic_or_lie():
                 assert not np.isinf(e.v).any()
         again = ddmhe.DdMhe.restore(est.snapshot())
         np.testing.assert_array_equal(again.run(y[:20]).x, est.run(y[:20]).x)
-        if settings["x_bounds"] is None and settings["v_bounds"] is None and est.spectral_radius < 1:
+        if (
+            settings["x_bounds"] is None
+            and settings["v_bounds"] is None
+            and est.spectral_radius < 1
+        ):
             assert est.estimate.status == "optimal", k
     assert ran > 100
     assert refused > 5

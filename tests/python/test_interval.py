@@ -1,4 +1,5 @@
-"""Guaranteed intervals: enclosures against high precision, designs, soundness, and a check that can fail."""
+"""Guaranteed intervals: enclosures against high precision, designs, soundness, and a check that can
+fail."""
 
 import re
 
@@ -19,15 +20,38 @@ INF = float("inf")
 
 # --- interval arithmetic
 
-UNARY = {"sqr": lambda x: x * x, "sqrt": mpmath.sqrt, "sin": mpmath.sin, "cos": mpmath.cos, "exp": mpmath.exp}
+UNARY = {
+    "sqr": lambda x: x * x,
+    "sqrt": mpmath.sqrt,
+    "sin": mpmath.sin,
+    "cos": mpmath.cos,
+    "exp": mpmath.exp,
+}
 BINARY = {
     "add": lambda x, y: x + y,
     "sub": lambda x, y: x - y,
     "mul": lambda x, y: x * y,
     "div": lambda x, y: x / y,
 }
-EDGES = [0.0, 5e-324, 2.3e-308, 1e-160, 0.5, 1.0, np.pi / 2, np.pi, 2 * np.pi, 3e5, 1e15, 1e17, 1e160, 1.7e308]
-EDGES = sorted({s * x for x in EDGES for s in (-1, 1)} | {np.nextafter(np.pi, 4), -np.nextafter(np.pi, 4)})
+EDGES = [
+    0.0,
+    5e-324,
+    2.3e-308,
+    1e-160,
+    0.5,
+    1.0,
+    np.pi / 2,
+    np.pi,
+    2 * np.pi,
+    3e5,
+    1e15,
+    1e17,
+    1e160,
+    1.7e308,
+]
+EDGES = sorted(
+    {s * x for x in EDGES for s in (-1, 1)} | {np.nextafter(np.pi, 4), -np.nextafter(np.pi, 4)}
+)
 
 
 def holds(found, exact, context):
@@ -57,7 +81,9 @@ def test_elementary_functions_enclose_high_precision_values():
             inside = [lo, hi, min(max(lo + rng.random() * (hi - lo), lo), hi)]
             found = check_unary(op, lo, hi, inside)
             if op in ("sin", "cos") and width == 0 and abs(center) < 1e3:
-                assert found[1] - found[0] <= 6 * np.spacing(max(abs(found[0]), 1e-300)) + 1e-300  # and tight
+                assert (
+                    found[1] - found[0] <= 6 * np.spacing(max(abs(found[0]), 1e-300)) + 1e-300
+                )  # and tight
 
 
 def test_elementary_functions_at_every_edge():
@@ -84,7 +110,9 @@ def test_basic_operations_enclose_exact_values():
     ends = rng.standard_normal((50_000, 4)) * 10.0 ** rng.integers(-12, 12, (50_000, 4))
     ends[::11, 0] = 0.0
     ends[::13, 2] = 0.0
-    edges = [(a, b, c, d) for a in EDGES[::3] for b in EDGES[::3] for c in EDGES[::4] for d in EDGES[::4]]
+    edges = [
+        (a, b, c, d) for a in EDGES[::3] for b in EDGES[::3] for c in EDGES[::4] for d in EDGES[::4]
+    ]
     with mpmath.workprec(2500):
         for k, (a, b, c, d) in enumerate([*map(tuple, ends), *edges]):
             x, y = (min(a, b), max(a, b)), (min(c, d), max(c, d))
@@ -141,7 +169,14 @@ def test_weights_only_scale_the_coordinates():
     T = np.diag([1.0, 1000.0])
     T_inv = np.diag([1.0, 1e-3])
     scaled = interval.System(
-        T @ s.A @ T_inv, s.C @ T_inv, T @ s.D1, s.D2, None, None, T @ s.j_lo @ T_inv, T @ s.j_hi @ T_inv
+        T @ s.A @ T_inv,
+        s.C @ T_inv,
+        T @ s.D1,
+        s.D2,
+        None,
+        None,
+        T @ s.j_lo @ T_inv,
+        T @ s.j_hi @ T_inv,
     )
     a = interval.design_observer(s, 0.4)
     b = interval.design_observer(scaled, 0.4, weights=[1.0, 1e-3])
@@ -154,7 +189,9 @@ def test_many_vertices():
     A = 0.3 * rng.standard_normal((4, 4))
     bound = np.zeros((4, 4))
     bound.ravel()[rng.permutation(16)[:8]] = 0.05
-    s = interval.System(A, rng.standard_normal((2, 4)), np.eye(4), np.eye(2), None, None, -bound, bound)
+    s = interval.System(
+        A, rng.standard_normal((2, 4)), np.eye(4), np.eye(2), None, None, -bound, bound
+    )
     assert len(s.vertices()) == 256
     assert interval.design_observer(s, 0.2).verified
 
@@ -170,7 +207,10 @@ def trajectory(rng, steps, kind):
     elif kind == "extreme":
         w, v = W * rng.choice([-1, 1], (steps, 2)), V * rng.choice([-1, 1], (steps, 1))
     elif kind == "constant":
-        w, v = np.tile(W * rng.choice([-1, 1], 2), (steps, 1)), np.full((steps, 1), V * rng.choice([-1, 1]))
+        w, v = (
+            np.tile(W * rng.choice([-1, 1], 2), (steps, 1)),
+            np.full((steps, 1), V * rng.choice([-1, 1])),
+        )
     else:  # switching every few samples
         period = int(rng.integers(2, 20))
         sign = np.where((np.arange(steps) // period) % 2, 1, -1)[:, None]
@@ -225,7 +265,8 @@ def test_widths_on_the_pendulum(method):
 
 
 def test_with_the_printed_start_the_peak_to_peak_bound_is_left():
-    """φ0 = 1.15 belongs to a V0 that the stated box exceeds: the worst vertex starts outside of it."""
+    """φ0 = 1.15 belongs to a V0 that the stated box exceeds: the worst vertex starts outside of
+    it."""
     s = interval.pendulum()
     g = interval.design_observer(s, 0.5, lmi="paper")
     power = 2 * W**2 + V**2
@@ -240,14 +281,17 @@ def test_with_the_printed_start_the_peak_to_peak_bound_is_left():
     o = interval.IntervalObserver(s, g, START, RADIUS, W, V, method="paper")
     log = o.run(np.array(x)[:-1, :1])
     error = np.linalg.norm(np.array(x)[1:] - log.center, axis=1)
-    printed = np.sqrt(np.maximum(g.mu * (g.lam * (1 - g.lam) ** np.arange(1, 4) * V0 * (1.15 / sound) ** 2), 0))
+    printed = np.sqrt(
+        np.maximum(g.mu * (g.lam * (1 - g.lam) ** np.arange(1, 4) * V0 * (1.15 / sound) ** 2), 0)
+    )
     assert not outside(np.array(x)[1:], *log.ball)
     assert np.linalg.norm(e) < sound
     assert printed[0] < error[0]
 
 
 class NumpyObserver:
-    """(45)-(50) written down once more with NumPy; `broken` leaves a part of it out, `design` adds (44) and (59)."""
+    """(45)-(50) written down once more with NumPy; `broken` leaves a part of it out, `design` adds
+    (44) and (59)."""
 
     def __init__(self, system, gain, order, broken=None, design=None):
         self.s, self.L, self.q, self.broken, self.design = system, gain, order, broken, design
@@ -264,7 +308,9 @@ class NumpyObserver:
             middle, radius = 0.5 * (J_lo + J_hi), 0.5 * (J_hi - J_lo)
             D_s = np.diag(radius @ r)
             T = [middle @ M] + ([] if self.broken == "no D^s" else [D_s])
-            parts = [scale("propagated", (s.A - self.L @ s.C) @ M)] + ([] if self.broken == "no T" else T)
+            parts = [scale("propagated", (s.A - self.L @ s.C) @ M)] + (
+                [] if self.broken == "no T" else T
+            )
             parts += [scale("process", s.D1 * W), scale("noise", self.L @ s.D2 * V)]
             M = np.hstack(parts)
             if M.shape[1] > self.q:
@@ -277,7 +323,9 @@ class NumpyObserver:
             if g:
                 fade = (1 - g.lam) ** (k + 1)
                 phi = np.sqrt(g.mu * (g.lam * fade * V0 + g.mu_w * 2 * W**2 + g.mu_v * V**2))
-                balls.append([np.maximum(x - halves[-1], x - phi), np.minimum(x + halves[-1], x + phi)])
+                balls.append(
+                    [np.maximum(x - halves[-1], x - phi), np.minimum(x + halves[-1], x + phi)]
+                )
         if g:
             return np.array(balls).transpose(1, 0, 2)
         centers, halves = np.array(centers), np.array(halves)
@@ -285,7 +333,8 @@ class NumpyObserver:
 
 
 def adversary(system, L, steps, direction):
-    """A trajectory that drives the last error along `direction`: signs from the adjoint of the error dynamics."""
+    """A trajectory that drives the last error along `direction`: signs from the adjoint of the
+    error dynamics."""
     w, v, e0 = np.zeros((steps, 2)), np.zeros((steps, 1)), np.zeros(2)
     for _ in range(4):
         x, x_hat, J = [START + e0], START, []
@@ -320,7 +369,9 @@ STIFF = interval.pendulum(ddmhe.models.pendulum(stiffness=12.0))
 def test_adversarial_disturbances_stay_inside_every_method(system):
     design = interval.design_observer(system, 0.2)
     for method, reduction in METHODS:
-        o = interval.IntervalObserver(system, design, START, RADIUS, W, V, order=40, method=method, reduction=reduction)
+        o = interval.IntervalObserver(
+            system, design, START, RADIUS, W, V, order=40, method=method, reduction=reduction
+        )
         for x, y in adversaries(system, design.gain):
             o.reset()
             log = o.run(y)
@@ -334,7 +385,8 @@ def test_the_adversary_catches_a_broken_observer(broken):
     L = interval.design_observer(STIFF, 0.2).gain
     whole, part = NumpyObserver(STIFF, L, 40), NumpyObserver(STIFF, L, 40, broken)
     runs = list(adversaries(STIFF, L))
-    # NumPy does not round outward, and an adversary meets the linear first row's bound to the last bit
+    # NumPy does not round outward, and an adversary meets the linear first row's bound to the last
+    # bit
     kept = [(x, *whole.run(y)) for x, y in runs]
     assert not any(outside(x[1:], lower - 1e-12, upper + 1e-12) for x, lower, upper in kept)
     assert any(outside(x[1:], *part.run(y)) for x, y in runs)
@@ -400,16 +452,23 @@ def test_detumbling_target_with_uncertain_parameters(uncertainty):
     ratios = 0.1 * (np.roll(J, -1) - np.roll(J, -2)) / J
     N = s.A - np.eye(3)
     for trial in range(8):
-        off = [1 + uncertainty * rng.choice([-1, 1, rng.uniform(-1, 1)], M.shape) for M in (ratios, N, s.C)]
+        off = [
+            1 + uncertainty * rng.choice([-1, 1, rng.uniform(-1, 1)], M.shape)
+            for M in (ratios, N, s.C)
+        ]
         a, damping, G = (M * o for M, o in zip((ratios, N, s.C), off, strict=True))
         x = [nominal.omega_0 + 1e-3 * rng.choice([-1, 1], 3)]
         for _ in range(300):
             p, q, r = x[-1]
-            x.append(x[-1] + a * [q * r, r * p, p * q] + damping @ x[-1] + 1e-7 * rng.choice([-1, 1], 3))
+            x.append(
+                x[-1] + a * [q * r, r * p, p * q] + damping @ x[-1] + 1e-7 * rng.choice([-1, 1], 3)
+            )
         x = np.array(x)
         y = x[:-1] @ G.T + 0.01 * rng.choice([-1, 1], (300, 3))
         for method in ("tight", "paper"):
-            o = interval.IntervalObserver(s, g, nominal.omega_0, 1e-3, 1e-7, 0.01, order=40, method=method)
+            o = interval.IntervalObserver(
+                s, g, nominal.omega_0, 1e-3, 1e-7, 0.01, order=40, method=method
+            )
             log = o.run(y)
             assert not outside(x[1:], log.lower, log.upper), (trial, method)
             if method == "tight":
@@ -436,7 +495,9 @@ def test_linear_system_with_an_uncertain_matrix_and_van_der_pol():
         x = np.array(x)
         y = x[:-1] @ np.transpose(C) + 0.01 * rng.choice([-1, 1], (80, 1))
         for method in ("paper", "tight"):
-            log = interval.IntervalObserver(s, g, [1.0, -1.0], 0.1, 0.01, 0.01, method=method).run(y)
+            log = interval.IntervalObserver(s, g, [1.0, -1.0], 0.1, 0.01, 0.01, method=method).run(
+                y
+            )
             assert not outside(x[1:], log.lower, log.upper)
             assert not outside(x[1:], *log.ball)
             assert not outside(x[1:], *log.ellipsoid)
@@ -504,7 +565,9 @@ def chebyshev(X, target):
     Z = np.hstack([X, np.ones((len(X), 1))])
     rows = np.block([[Z, -np.ones((len(Z), 1))], [-Z, -np.ones((len(Z), 1))]])
     cost = np.append(np.zeros(Z.shape[1]), 1.0)
-    found = scipy.optimize.linprog(cost, rows, np.concatenate([target, -target]), bounds=(None, None))
+    found = scipy.optimize.linprog(
+        cost, rows, np.concatenate([target, -target]), bounds=(None, None)
+    )
     assert found.status == 0
     return found.fun
 
@@ -517,7 +580,9 @@ def test_smallest_radii_are_chebyshev_fits_and_below_the_truth(size):
         assert (w <= 0.01 * size).all()
         assert (v <= 0.02 * size).all()
         if seed < 5:
-            expected = [chebyshev(x[:-1], x[1:, i]) for i in range(2)] + [chebyshev(x[:-1], y[:, 0])]
+            expected = [chebyshev(x[:-1], x[1:, i]) for i in range(2)] + [
+                chebyshev(x[:-1], y[:, 0])
+            ]
             np.testing.assert_allclose(np.concatenate([w, v]) / size, expected, rtol=1e-6)
 
 
@@ -526,7 +591,8 @@ def test_radii_below_the_smallest_are_refused_with_them_by_name():
     h = ddmhe.History(x, y)
     w, v = interval.smallest_radii(h)
     with pytest.raises(
-        ddmhe.ModelViolationError, match=r"w_radius: .* at least [\d.e-]+ for roll, [\d.e-]+ for yaw"
+        ddmhe.ModelViolationError,
+        match=r"w_radius: .* at least [\d.e-]+ for roll, [\d.e-]+ for yaw",
     ) as e:
         interval.from_history(h, [0.01, 0.9 * w[1]], 0.02, names=(("roll", "yaw"), ("gyro",)))
     stated = [float(number) for number in re.findall(r"([\d.e-]+) for", str(e.value))]
@@ -551,12 +617,28 @@ def test_radii_below_the_smallest_are_refused_with_them_by_name():
         (lambda h: interval.from_history(h, kappa="x"), ddmhe.DdmheError, "kappa:"),
         (lambda h: interval.from_history(h, gain=np.eye(3)), ddmhe.ShapeError, "gain:"),
         (lambda h: interval.from_history(h, names=(("a",), ("b",))), ddmhe.ShapeError, "names:"),
-        (lambda h: interval.from_history(h, 1e300, 1e300), ddmhe.DdmheError, "_radius:|gain:|history:"),
+        (
+            lambda h: interval.from_history(h, 1e300, 1e300),
+            ddmhe.DdmheError,
+            "_radius:|gain:|history:",
+        ),
         (lambda h: interval.from_history(scaled(h, 1e200)), ddmhe.DdmheError, "history: "),
-        (lambda h: interval.from_history(scaled(h, 1e-300), 1e10, 1e10), ddmhe.DdmheError, "history:"),
+        (
+            lambda h: interval.from_history(scaled(h, 1e-300), 1e10, 1e10),
+            ddmhe.DdmheError,
+            "history:",
+        ),
         (lambda h: interval.smallest_radii(3), ddmhe.DdmheError, "history:"),
-        (lambda h: interval.kalman_gain(system(C=[[0.0, 0.0]], A=2 * np.eye(2)), 1.0, 1.0), ddmhe.DdmheError, "gain:"),
-        (lambda h: interval.kalman_gain(interval.pendulum(), 1e200, 1e-200), ddmhe.DdmheError, "gain:"),
+        (
+            lambda h: interval.kalman_gain(system(C=[[0.0, 0.0]], A=2 * np.eye(2)), 1.0, 1.0),
+            ddmhe.DdmheError,
+            "gain:",
+        ),
+        (
+            lambda h: interval.kalman_gain(interval.pendulum(), 1e200, 1e-200),
+            ddmhe.DdmheError,
+            "gain:",
+        ),
     ],
 )
 def test_wrong_input_for_a_recording_is_an_error_of_this_package(call, error, words):
@@ -587,7 +669,10 @@ def test_verdicts():
     assert "c says nothing beyond the recorded range (median width 1.5 of it)" in v.words
     assert "inf" not in v.words
     endless = interval.judge(-high[:, 1:2] * 1e4 ** t[:, None], high[:, 1:2], ([0], [1]), t, ("b",))
-    assert "median width above 1000 of it), grows beyond it from 0 s on, no bound from 8 s on" in endless.words
+    assert (
+        "median width above 1000 of it), grows beyond it from 0 s on, no bound from 8 s on"
+        in endless.words
+    )
     assert interval.judge(low[:, :1], high[:, :1], ([0], [1]), t, ("a",)).useful
     with pytest.raises(ddmhe.DdmheError, match="recorded:"):
         interval.judge(low, high, (np.zeros(3), np.zeros(3)), t, ("a", "b", "c"))
@@ -615,12 +700,15 @@ def test_reconstruction_of_tahir_holds():
 
 @pytest.mark.parametrize("lam", [None, 0.02, 0.5])
 def test_a_mixed_monotone_gain_whose_widths_grow_is_refused(lam):
-    """(A - L C)_22 = 1 for every L, (A - L C)_12 = F_21 = 0.065: no own-coordinates gain of the pendulum contracts."""
+    """(A - L C)_22 = 1 for every L, (A - L C)_12 = F_21 = 0.065: no own-coordinates gain of the
+    pendulum contracts."""
     with pytest.raises(ddmhe.InfeasibleError, match=r"rho\(\|A - L C\| \+ F\) = 1\.0"):
         TahirIntervalObserver(interval.pendulum(), START, RADIUS, W, V, transform=False, lam=lam)
     # where own coordinates do, they are taken
     A = np.array([[0.7, 0.1], [0.05, 0.8]])
-    s = interval.System(A, [[1.0, 0.0]], np.eye(2), [[1.0]], None, None, np.zeros((2, 2)), np.zeros((2, 2)))
+    s = interval.System(
+        A, [[1.0, 0.0]], np.eye(2), [[1.0]], None, None, np.zeros((2, 2)), np.zeros((2, 2))
+    )
     o = TahirIntervalObserver(s, START, RADIUS, W, V, transform=False, lam=lam)
     closed = np.abs(A - o.gain @ s.C)
     assert np.abs(np.linalg.eigvals(closed)).max() < 1
@@ -633,7 +721,14 @@ def test_a_mixed_monotone_gain_whose_widths_grow_is_refused(lam):
 
 
 def system(**changed):
-    given = {"A": np.eye(2), "C": [[1.0, 0.0]], "D1": np.eye(2), "D2": [[1.0]], "f": None, "jacobian": None}
+    given = {
+        "A": np.eye(2),
+        "C": [[1.0, 0.0]],
+        "D1": np.eye(2),
+        "D2": [[1.0]],
+        "f": None,
+        "jacobian": None,
+    }
     given |= {"j_lo": np.zeros((2, 2)), "j_hi": np.zeros((2, 2))}
     return interval.System(**(given | changed))
 
@@ -641,7 +736,14 @@ def system(**changed):
 def observer(**changed):
     s = interval.pendulum()
     design = interval.fixed_gain(s, [[1.5], [7.7]])
-    given = {"system": s, "design": design, "x0_center": START, "x0_radius": RADIUS, "w_radius": W, "v_radius": V}
+    given = {
+        "system": s,
+        "design": design,
+        "x0_center": START,
+        "x0_radius": RADIUS,
+        "w_radius": W,
+        "v_radius": V,
+    }
     return interval.IntervalObserver(**(given | changed))
 
 
@@ -671,10 +773,26 @@ def python_system(f, jacobian):
         (lambda: interval.detumbling(uncertainty=-1), ddmhe.DdmheError, "uncertainty"),
         (lambda: interval.design_observer(3), ddmhe.DdmheError, "system:"),
         (lambda: interval.design_observer(interval.pendulum(), 1.5), ddmhe.DdmheError, "lam:"),
-        (lambda: interval.design_observer(interval.pendulum(), 0.5, lmi="x"), ddmhe.DdmheError, "lmi:"),
-        (lambda: interval.design_observer(interval.pendulum(), 0.5, weights=[1, 0]), ddmhe.DdmheError, "weights:"),
-        (lambda: interval.design_observer(system(C=[[0.0, 0.0]]), 0.5), ddmhe.InfeasibleError, "smaller"),
-        (lambda: interval.design_observer(system(j_hi=np.full((2, 2), INF)), 0.5), ddmhe.DdmheError, "j_lo, j_hi"),
+        (
+            lambda: interval.design_observer(interval.pendulum(), 0.5, lmi="x"),
+            ddmhe.DdmheError,
+            "lmi:",
+        ),
+        (
+            lambda: interval.design_observer(interval.pendulum(), 0.5, weights=[1, 0]),
+            ddmhe.DdmheError,
+            "weights:",
+        ),
+        (
+            lambda: interval.design_observer(system(C=[[0.0, 0.0]]), 0.5),
+            ddmhe.InfeasibleError,
+            "smaller",
+        ),
+        (
+            lambda: interval.design_observer(system(j_hi=np.full((2, 2), INF)), 0.5),
+            ddmhe.DdmheError,
+            "j_lo, j_hi",
+        ),
         (lambda: observer(x0_center=[1.0]), ddmhe.ShapeError, "x0_center"),
         (lambda: observer(x0_radius=[0.1, -1.0]), ddmhe.DdmheError, "x0_radius"),
         (lambda: observer(w_radius=-1.0), ddmhe.DdmheError, "w_radius"),
@@ -689,12 +807,16 @@ def python_system(f, jacobian):
         (lambda: observer().step([5.0]), ddmhe.ModelViolationError, "step 0 leaves state 1"),
         (lambda: observer().run(np.ones((3, 2))), ddmhe.ShapeError, "Y:"),
         (
-            lambda: observer(system=python_system(lambda x: [1.0], lambda lo, hi: (0, 0))).step([1.0]),
+            lambda: observer(system=python_system(lambda x: [1.0], lambda lo, hi: (0, 0))).step(
+                [1.0]
+            ),
             ddmhe.DdmheError,
             "jacobian",
         ),
         (
-            lambda: observer(system=python_system(lambda x: 1 / 0, interval.pendulum().jacobian)).step([1.0]),
+            lambda: observer(
+                system=python_system(lambda x: 1 / 0, interval.pendulum().jacobian)
+            ).step([1.0]),
             ddmhe.DdmheError,
             "ZeroDivisionError",
         ),

@@ -1,4 +1,5 @@
-"""Outward rounding: sets against exact rational arithmetic, at every size of number that a float has."""
+"""Outward rounding: sets against exact rational arithmetic, at every size of number that a float
+has."""
 
 from fractions import Fraction
 
@@ -31,7 +32,13 @@ def directions(rng, n):
     return exact(np.vstack([np.eye(n), -np.eye(n), oblique]))
 
 
-SIZES = {"ordinary": (-3, 3), "wide": (-30, 30), "tiny": (-300, -290), "denormal": (-323, -306), "huge": (280, 290)}
+SIZES = {
+    "ordinary": (-3, 3),
+    "wide": (-30, 30),
+    "tiny": (-300, -290),
+    "denormal": (-323, -306),
+    "huge": (280, 290),
+}
 
 
 def numbers(rng, shape, exponents):
@@ -48,7 +55,8 @@ def zonotope(rng, exponents, n=None, m=None):
 
 
 def factors(kind, exponents):
-    """Exponents of matrices whose products with such numbers are floats again, or fall below them."""
+    """Exponents of matrices whose products with such numbers are floats again, or fall below
+    them."""
     return (-10, 10) if kind == "huge" else (-20, 3) if kind == "denormal" else (-3, 3)
 
 
@@ -79,7 +87,9 @@ def test_interval_maps_hold_every_matrix(kind):
         Z = zonotope(rng, SIZES[kind])
         n, rows = len(Z.center), int(rng.integers(1, 4))
         A = numbers(rng, (rows, n), factors(kind, SIZES[kind]))
-        width = np.abs(numbers(rng, (rows, n), factors(kind, SIZES[kind]))) * rng.choice([0, 1e-17, 1e-3], (rows, n))
+        width = np.abs(numbers(rng, (rows, n), factors(kind, SIZES[kind]))) * rng.choice(
+            [0, 1e-17, 1e-3], (rows, n)
+        )
         lo, hi = A - width, A + width
         found = parts(Z.interval_map(lo, hi))
         p, M = parts(Z)
@@ -115,14 +125,25 @@ def test_no_point_of_a_thin_set_is_refused():
         n, m = int(rng.integers(2, 6)), int(rng.integers(1, 9))
         rank = int(rng.integers(1, n + 1))
         M = (rng.integers(-8, 9, (n, rank)) @ rng.integers(-8, 9, (rank, m))).astype(float)
-        M += rng.integers(-2, 3, (n, m)) * 0.5 ** int(rng.choice([20, 30, 36, 40])) * (rng.random() < 0.7)
+        M += (
+            rng.integers(-2, 3, (n, m))
+            * 0.5 ** int(rng.choice([20, 30, 36, 40]))
+            * (rng.random() < 0.7)
+        )
         M *= 2.0 ** rng.integers(-3, 4, (n, 1))
-        center, xi = rng.integers(-4, 5, n).astype(float), rng.choice([-1.0, -1.0, 0.5, 1.0, 1.0], m)
+        center, xi = (
+            rng.integers(-4, 5, n).astype(float),
+            rng.choice([-1.0, -1.0, 0.5, 1.0, 1.0], m),
+        )
         Z, x = ddmhe.Zonotope(center, M), center + M @ xi
         assert Z.contains(x), trial
         # and a point well beyond it in the direction of one of its supports is
         d = rng.standard_normal(n)
-        far = center + (M * np.where(d @ M >= 0, 1, -1)).sum(axis=1) + 0.01 * (1 + np.abs(M).sum(axis=1).max()) * d
+        far = (
+            center
+            + (M * np.where(d @ M >= 0, 1, -1)).sum(axis=1)
+            + 0.01 * (1 + np.abs(M).sum(axis=1).max()) * d
+        )
         outside += not Z.contains(far)
     assert outside == 2000
 
@@ -138,7 +159,8 @@ def test_what_rounds_nothing_stays_as_it_is():
 
 
 def test_rounding_neither_grows_the_order_nor_the_set():
-    """A thousand maps and sums of full sets: as many generators as without rounding, and as wide to 1e-12 of a map."""
+    """A thousand maps and sums of full sets: as many generators as without rounding, and as wide to
+    1e-12 of a map."""
     rng = np.random.default_rng(3)
     Z = ddmhe.Zonotope(rng.standard_normal(3), rng.standard_normal((3, 9)))
     center, M = Z.center, Z.generators
@@ -208,10 +230,14 @@ def test_numbers_at_the_edge_give_sets_or_errors(method):
 def test_principal_axes_of_a_huge_set():
     Z = ddmhe.Zonotope([0.0, 0.0], 1e285 * np.array([[1.0, 1.0, 0.5, 2.0], [0.0, 1.0, -0.5, 1.0]]))
     small = ddmhe.Zonotope([0.0, 0.0], Z.generators / 1e285)
-    np.testing.assert_allclose(Z.reduce(3, "pca").generators, 1e285 * small.reduce(3, "pca").generators, rtol=1e-12)
+    np.testing.assert_allclose(
+        Z.reduce(3, "pca").generators, 1e285 * small.reduce(3, "pca").generators, rtol=1e-12
+    )
     assert ddmhe.Zonotope([0.0, 0.0], 1e-200 * small.generators).volume() == 0.0
     assert ddmhe.Zonotope([0.0, 0.0], [[1e200, 0.0], [0.0, 1e-200]]).volume() == pytest.approx(4.0)
-    with pytest.raises(ddmhe.DdmheError, match="generators: expected a result within the range of floats"):
+    with pytest.raises(
+        ddmhe.DdmheError, match="generators: expected a result within the range of floats"
+    ):
         ddmhe.Zonotope([0.0], [[1e308, 1e308]]).reduce(1, "pca")
     with pytest.raises(ddmhe.DdmheError, match="A: expected a result within the range of floats"):
         Z.linear_map(1e200 * np.eye(2))
@@ -248,7 +274,12 @@ def test_the_observer_holds_an_exactly_computed_motion_in_any_unit(method, size)
                 y = float((exact(C) @ x)[0])
             e, now = o.step([y]), x
             x = exact(A) @ x + Fraction(bound) * exact(rng.choice([-1, 1], 2))
-            for found, state in (((e.lower, e.upper), x), (e.ball, x), (e.ellipsoid, x), (e.filtered, now)):
+            for found, state in (
+                ((e.lower, e.upper), x),
+                (e.ball, x),
+                (e.ellipsoid, x),
+                (e.filtered, now),
+            ):
                 assert not np.isnan(found).any()
                 for lo, value, hi in zip(found[0], state, found[1], strict=True):
                     assert lo == -INF or Fraction(lo) <= value
@@ -264,7 +295,10 @@ def test_the_peak_to_peak_bound_scales_with_the_unit(size):
         for unit in (1.0, size):
             o = linear_observer(A, C, 0.01 * unit, 0.01 * unit, [unit, 0.0], 0.1 * unit, method)
             logs.append(
-                [np.array(side) / unit for side in (*o.run(np.zeros((1, 1))).ball, *o.run(np.zeros((1, 1))).ellipsoid)]
+                [
+                    np.array(side) / unit
+                    for side in (*o.run(np.zeros((1, 1))).ball, *o.run(np.zeros((1, 1))).ellipsoid)
+                ]
             )
         np.testing.assert_allclose(logs[1], logs[0], rtol=1e-9)
 
@@ -276,7 +310,9 @@ def observer_at_the_edge(rng):
     design = interval.fixed_gain(s, edges(rng, n, p))
     radii = [np.abs(edges(rng, k)) for k in (n, 1, 1)]
     method, reduction = rng.choice(["tight", "paper"]), rng.choice(["pca", "girard", "combastel"])
-    return interval.IntervalObserver(s, design, edges(rng, n), *radii, n + 1, str(method), str(reduction))
+    return interval.IntervalObserver(
+        s, design, edges(rng, n), *radii, n + 1, str(method), str(reduction)
+    )
 
 
 def test_the_observer_answers_or_errs_at_the_edge():

@@ -68,7 +68,8 @@ def test_time_column_may_stand_anywhere_and_a_state_may_be_an_output(tmp_path):
 
 
 def test_stamps_of_whole_milliseconds_are_regular_enough(tmp_path):
-    """A 24.5 ms clock printed in milliseconds, with a step 1.4 times too long: still one sample a step."""
+    """A 24.5 ms clock printed in milliseconds, with a step 1.4 times too long: still one sample a
+    step."""
     t = np.round(np.cumsum(np.r_[0.0, np.full(99, 0.0245)]), 3)
     t[60:] += 0.010
     log = read(write(tmp_path / "log.csv", [row(k, t[k]) for k in range(100)]))
@@ -88,23 +89,31 @@ def test_a_live_log_without_states_has_no_truth(tmp_path):
 
 
 def test_empty_lines_and_a_byte_order_mark_do_no_harm(tmp_path):
-    path = write(tmp_path / "log.csv", [row(0), "", row(1), row(2), ",,,", row(3), "", ""], "\ufeff" + HEADER)
+    path = write(
+        tmp_path / "log.csv", [row(0), "", row(1), row(2), ",,,", row(3), "", ""], "\ufeff" + HEADER
+    )
     np.testing.assert_array_equal(read(path).lines, [2, 4, 5, 7])
 
 
 def gap_log(tmp_path, after, missing):
-    """Row `after` is followed by a gap of `missing` samples; the cells name the sample, not the row."""
+    """Row `after` is followed by a gap of `missing` samples; the cells name the sample, not the
+    row."""
     rows = [row(k) for k in range(after + 1)] + [row(k) for k in range(after + 1 + missing, 40)]
     return read(write(tmp_path / "log.csv", rows))
 
 
-@pytest.mark.parametrize("lost", [[61], [62], [60, 61], [60], [58, 59, 60, 61, 62], [61, 66, 75, 90]])
+@pytest.mark.parametrize(
+    "lost", [[61], [62], [60, 61], [60], [58, 59, 60, 61, 62], [61, 66, 75, 90]]
+)
 def test_lost_rows_leave_the_thinned_samples_in_their_places(tmp_path, lost):
-    """Every fourth sample of the clock, whatever rows are lost: the ones that are there are those of the whole log."""
+    """Every fourth sample of the clock, whatever rows are lost: the ones that are there are those
+    of the whole log."""
     whole = [row(k) for k in range(200)]
     path = write(tmp_path / "log.csv", [r for k, r in enumerate(whole) if k not in lost])
     log = read(path, decimate=4, start=0.8)
-    with pytest.raises(LogError, match=rf"gap .* the history at {0.1 * min(lost) - 0.1:g} s .* about 0.1 s, found"):
+    with pytest.raises(
+        LogError, match=rf"gap .* the history at {0.1 * min(lost) - 0.1:g} s .* about 0.1 s, found"
+    ):
         log.split(4.0)
     full = read(write(tmp_path / "whole.csv", whole), decimate=4, start=0.8)
     filled = log.fill_gaps()
@@ -119,7 +128,8 @@ def test_lost_rows_leave_the_thinned_samples_in_their_places(tmp_path, lost):
 
 
 def test_stamps_that_come_late_are_no_lost_rows(tmp_path):
-    """A buffer read out late gives a long step and short ones after it; a lost row gives the long step alone."""
+    """A buffer read out late gives a long step and short ones after it; a lost row gives the long
+    step alone."""
     k = np.arange(200)
     t = 0.1 * k
     t[50:56] = t[56] - 0.001 * np.arange(6, 0, -1)
@@ -129,12 +139,16 @@ def test_stamps_that_come_late_are_no_lost_rows(tmp_path):
     assert [(gap.line, round(gap.length, 6)) for gap in log.gaps] == [(152, 0.3)]
     filled = log.fill_gaps()
     assert len(filled.t) == 100
-    np.testing.assert_array_equal(filled.y[:, 0], [10.0 * i if i != 152 else np.nan for i in range(0, 200, 2)])
+    np.testing.assert_array_equal(
+        filled.y[:, 0], [10.0 * i if i != 152 else np.nan for i in range(0, 200, 2)]
+    )
 
 
 @pytest.mark.parametrize(("history", "where"), [(1.0, "after"), (2.0, "inside")])
 def test_a_gap_is_an_error_that_says_where_and_how_long(tmp_path, history, where):
-    with pytest.raises(LogError, match=rf"gap {where} the history at 1.5 s \(line 17\).* 0.1 s, found 0.3 s"):
+    with pytest.raises(
+        LogError, match=rf"gap {where} the history at 1.5 s \(line 17\).* 0.1 s, found 0.3 s"
+    ):
         gap_log(tmp_path, 15, 2).split(history)
 
 
@@ -158,7 +172,9 @@ def test_filled_gap_inside_the_history_is_interpolated(tmp_path, after):
 
 
 def test_gap_too_long_to_interpolate_or_to_fill(tmp_path):
-    with pytest.raises(LogError, match=r"gap inside the history at 0.5 s \(line 7\): .*at most 10 .*found 11"):
+    with pytest.raises(
+        LogError, match=r"gap inside the history at 0.5 s \(line 7\): .*at most 10 .*found 11"
+    ):
         gap_log(tmp_path, 5, 11).fill_gaps().split(2.0)
     rows = [row(k) for k in range(20)] + [row(k, 1e6 + 0.1 * k) for k in range(20)]
     with pytest.raises(LogError, match="gaps that can be filled, found 9999980 samples missing"):
@@ -176,12 +192,24 @@ WRONG_FILES = [
     ([], HEADER, "expected samples after the header line, found none"),
     (GOOD, "time_s,w,w,torque", "expected one column named 'w', found 2"),
     ([*GOOD, "1.0,x,0,0"], HEADER, "line 12, column 'w': expected a finite number, found 'x'"),
-    ([*GOOD, "1.0,0,0,-inf"], HEADER, "line 12, column 'torque': expected a finite number, found '-inf'"),
+    (
+        [*GOOD, "1.0,0,0,-inf"],
+        HEADER,
+        "line 12, column 'torque': expected a finite number, found '-inf'",
+    ),
     ([*GOOD, ",0,0,0"], HEADER, "line 12, column 'time_s': expected a time in seconds, found none"),
-    ([*GOOD, "0.9,0,0,0"], HEADER, "line 12, column 'time_s': expected a time after the 0.9 s of the line before"),
+    (
+        [*GOOD, "0.9,0,0,0"],
+        HEADER,
+        "line 12, column 'time_s': expected a time after the 0.9 s of the line before",
+    ),
     ([*GOOD, "1.0,0,0,0,0"], HEADER, "expected a CSV table, found one that cannot be read"),
     (GOOD[:2], HEADER, "expected at least 3 samples from the start on, found 2"),
-    ([row(k, 0.1 * k + 0.05 * (k % 2)) for k in range(30)], HEADER, "expected regular sampling, found"),
+    (
+        [row(k, 0.1 * k + 0.05 * (k % 2)) for k in range(30)],
+        HEADER,
+        "expected regular sampling, found",
+    ),
 ]
 
 
@@ -238,7 +266,10 @@ def test_wrong_option_is_an_error_that_names_it(path, options, text):
         (0.0, "history: expected a positive number of seconds, found 0.0"),
         (float("inf"), "history: expected a positive number of seconds, found inf"),
         (0.1, r"history: expected at least 2 samples \(0.2 s\), found 0.1 s"),
-        (3.9, r"history: expected less than 3.9 s, the 40 samples that .* holds from 0 s on, found 3.9 s"),
+        (
+            3.9,
+            r"history: expected less than 3.9 s, the 40 samples that .* holds from 0 s on, found 3.9 s",
+        ),
     ],
 )
 def test_history_must_fit_the_log(path, history, text):
@@ -248,27 +279,40 @@ def test_history_must_fit_the_log(path, history, text):
 
 def test_cells_missing_inside_the_history(tmp_path):
     rows = [row(k) for k in range(20)]
-    for cells, text in (("0.5,5,,50", "line 7, column 'q'"), ("0.5,5,-5,", "line 7, column 'torque'")):
+    for cells, text in (
+        ("0.5,5,,50", "line 7, column 'q'"),
+        ("0.5,5,-5,", "line 7, column 'torque'"),
+    ):
         log = read(write(tmp_path / "log.csv", [*rows[:5], cells, *rows[6:]]))
-        with pytest.raises(LogError, match=f"{text}: expected a number inside the history, found an empty cell"):
+        with pytest.raises(
+            LogError, match=f"{text}: expected a number inside the history, found an empty cell"
+        ):
             log.split(1.0)
         assert log.split(0.4).history.T == 4  # the same cell after the history is fine
 
 
 def test_numbers_and_words_that_say_not_measured(tmp_path):
     words = ["", "NA", "n/a", "null", "None", "nan", "-9999", "-9999.0", "999"]
-    rows = [row(k) for k in range(20)] + [f"{0.1 * (20 + k):.1f},{w},1,{w}" for k, w in enumerate(words)]
+    rows = [row(k) for k in range(20)] + [
+        f"{0.1 * (20 + k):.1f},{w},1,{w}" for k, w in enumerate(words)
+    ]
     path = write(tmp_path / "log.csv", [*rows, row(29)])
     for missing, known in (((), 3), ((-9999,), 1), ((-9999, 999.0), 0)):
         split = read(path, missing=missing).split(1.9)
         assert np.isfinite(split.Y[1:10, 0]).sum() == known
         assert np.isfinite(split.x_true[:9, 0]).sum() == known
-    log = read(write(tmp_path / "inside.csv", [*rows[:5], "0.5,5,-5,-9999", *rows[6:20]]), missing=[-9999])
-    with pytest.raises(LogError, match=r"line 7, column 'torque': .* a number that stands for not measured"):
+    log = read(
+        write(tmp_path / "inside.csv", [*rows[:5], "0.5,5,-5,-9999", *rows[6:20]]), missing=[-9999]
+    )
+    with pytest.raises(
+        LogError, match=r"line 7, column 'torque': .* a number that stands for not measured"
+    ):
         log.split(1.0)
 
 
-@pytest.mark.parametrize("wrong", [["x"], "x", [None], [float("nan")], [float("inf")], [True], [10**400], None, {1: 2}])
+@pytest.mark.parametrize(
+    "wrong", [["x"], "x", [None], [float("nan")], [float("inf")], [True], [10**400], None, {1: 2}]
+)
 def test_wrong_missing_numbers(path, wrong):
     with pytest.raises(LogError, match="missing: expected"):
         read(path, missing=wrong)
@@ -282,7 +326,9 @@ def test_what_is_far_out_on_its_own():
         low[7], high[9] = True, True
         spoiled = np.where(low, -9999.0, signal)
         np.testing.assert_array_equal(far_out(spoiled), np.flatnonzero(low))
-        np.testing.assert_array_equal(far_out(np.where(high, 999.0, spoiled)), np.flatnonzero(low | high))
+        np.testing.assert_array_equal(
+            far_out(np.where(high, 999.0, spoiled)), np.flatnonzero(low | high)
+        )
     rest = 1e-3 * rng.standard_normal(2900)
     for motion in (
         np.sin(np.arange(100) / 4),  # sets out after a long rest
@@ -313,14 +359,18 @@ def test_wrapped_angles_are_seen_and_made_continuous(tmp_path, full, offset):
     log = read(write(tmp_path / "log.csv", rows), decimate=2, unwrap=["w", "torque"])
     np.testing.assert_allclose(log.x[:, 0], angle[::2] - offset * full, atol=1e-9)
     np.testing.assert_allclose(log.y[:, 0], angle[::2] - offset * full, atol=1e-9)
-    with pytest.raises(LogError, match="unwrap: expected a column of the states or outputs, found 'time_s'"):
+    with pytest.raises(
+        LogError, match="unwrap: expected a column of the states or outputs, found 'time_s'"
+    ):
         read(tmp_path / "log.csv", unwrap=["time_s"])
 
 
 MEASURED = Path(os.environ.get("DDMHE_DATA", Path(__file__).parents[3] / "shared" / "data"))
 
 
-@pytest.mark.skipif(not MEASURED.is_dir(), reason="no measured logs: set DDMHE_DATA to the directory of data sets")
+@pytest.mark.skipif(
+    not MEASURED.is_dir(), reason="no measured logs: set DDMHE_DATA to the directory of data sets"
+)
 def test_nothing_odd_is_seen_in_measured_logs():
     """Pendulums, cars, arms and circuits, whole and thinned: no value far out, no wrapped angle."""
     paths = sorted([*MEASURED.glob("repoimu-pendulum/*.csv"), *MEASURED.glob("input-logs/*.csv")])
@@ -362,15 +412,24 @@ def test_config_reads_every_key(tmp_path):
 
 @pytest.mark.parametrize(
     ("text", "expected"),
-    [("auto", "'auto'"), ("exact", "Exact()"), ("truncated:3", "Truncated(rank=3)"), ("ridge:0.5", "Ridge(5e-1)")],
+    [
+        ("auto", "'auto'"),
+        ("exact", "Exact()"),
+        ("truncated:3", "Truncated(rank=3)"),
+        ("ridge:0.5", "Ridge(5e-1)"),
+    ],
 )
 def test_space_from_text(text, expected):
     assert repr(space_from_text(text)) == expected
 
 
-@pytest.mark.parametrize("text", ["", "Auto", "auto:", "exact:1", "truncated", "truncated:-1", "truncated:x", "ridge:"])
+@pytest.mark.parametrize(
+    "text", ["", "Auto", "auto:", "exact:1", "truncated", "truncated:-1", "truncated:x", "ridge:"]
+)
 def test_space_from_wrong_text(text):
-    with pytest.raises(ConfigError, match="space: expected auto, exact, truncated:RANK or ridge:WEIGHT"):
+    with pytest.raises(
+        ConfigError, match="space: expected auto, exact, truncated:RANK or ridge:WEIGHT"
+    ):
         space_from_text(text)
 
 
@@ -384,10 +443,19 @@ def test_space_from_wrong_text(text):
         ("warm_start = 1", "warm_start: expected true or false, found 1"),
         ("x_bounds = ['a', 'b']", "x_bounds: expected a list"),
         ("space = 'ridge'", "space: expected auto, exact"),
-        ("space = { kind = 'best' }", "space: expected kind 'exact', 'truncated', 'ridge', found 'best'"),
+        (
+            "space = { kind = 'best' }",
+            "space: expected kind 'exact', 'truncated', 'ridge', found 'best'",
+        ),
         ("space = { kind = 'ridge' }", "space: expected a weight for ridge"),
-        ("space = { kind = 'truncated', rank = 1.5 }", "space: expected a whole number for rank, found 1.5"),
-        ("space = { kind = 'exact', rank = 1 }", "space: expected no argument for exact, found 'rank'"),
+        (
+            "space = { kind = 'truncated', rank = 1.5 }",
+            "space: expected a whole number for rank, found 1.5",
+        ),
+        (
+            "space = { kind = 'exact', rank = 1 }",
+            "space: expected no argument for exact, found 'rank'",
+        ),
         ("missing = -9999", "missing: expected a list of finite numbers, found -9999"),
         ("missing = [nan]", "missing: expected a list of finite numbers"),
         ("horizon = ", "expected a TOML file, found an error in it"),
@@ -436,12 +504,19 @@ def test_a_line_of_units_below_the_header(tmp_path):
         assert log.lines[0] == 3
         history = log.split(2.0).history
         assert (history.x_units, history.y_units) == (["rad/s", "rad/s"], ["N m"])
-    path.write_text("\n".join(["time,a_rad_s,b,torque", "s,,V,", *(row.rsplit(",", 1)[0] for row in rows)]) + "\n")
+    path.write_text(
+        "\n".join(["time,a_rad_s,b,torque", "s,,V,", *(row.rsplit(",", 1)[0] for row in rows)])
+        + "\n"
+    )
     history = read_log(path, ["a_rad_s", "b"], ["torque"]).split(2.0).history
     assert (history.x_units, history.y_units) == (["rad/s", "V"], [""])
     path.write_text("\n".join([header, "ms,rad/s,rad/s,N m,", *rows]) + "\n")
-    with pytest.raises(LogError, match="line 2, column 'time': expected a time in seconds, found the unit 'ms'"):
+    with pytest.raises(
+        LogError, match="line 2, column 'time': expected a time in seconds, found the unit 'ms'"
+    ):
         read_log(path, ["a", "b"], ["torque"])
     path.write_text("\n".join([header, "s,rad/s,1.5,N m,", *rows]) + "\n")
-    with pytest.raises(LogError, match="line 2, column 'time': expected a finite number, found 's'"):
+    with pytest.raises(
+        LogError, match="line 2, column 'time': expected a finite number, found 's'"
+    ):
         read_log(path, ["a", "b"], ["torque"])

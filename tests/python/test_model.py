@@ -1,4 +1,5 @@
-"""Identified models: recovery, stated uncertainty, errors in variables, the bridge to python-control."""
+"""Identified models: recovery, stated uncertainty, errors in variables, the bridge to
+python-control."""
 
 import control
 import numpy as np
@@ -33,10 +34,13 @@ def test_noise_free_systems_are_recovered(seed, method):
 
 
 def test_covariance_is_that_of_repeated_experiments():
-    """Noise through w and v only: the spread of 600 fits is what each fit says of itself, entry by entry."""
+    """Noise through w and v only: the spread of 600 fits is what each fit says of itself, entry by
+    entry."""
     rng = np.random.default_rng(5)
     system = random_system(rng, 2, 2)
-    system = Affine(0.7 * system.A, system.e, system.C, system.r)  # forgets: near a unit root the spread is not normal
+    system = Affine(
+        0.7 * system.A, system.e, system.C, system.r
+    )  # forgets: near a unit root the spread is not normal
     fits = [identify(ddmhe.History(*record(system, rng, 200, w=0.3, v=0.1))) for _ in range(600)]
     spread = np.std([np.concatenate([m.A, m.C]) for m in fits], axis=0)
     stated = np.sqrt(np.mean([np.concatenate(m.standard_errors) ** 2 for m in fits], axis=0))
@@ -44,7 +48,8 @@ def test_covariance_is_that_of_repeated_experiments():
 
 
 def test_total_least_squares_removes_the_bias_of_noisy_states():
-    """y = 2 x with errors on x: least squares shrinks the slope by var/(var + noise), total least squares does not."""
+    """y = 2 x with errors on x: least squares shrinks the slope by var/(var + noise), total least
+    squares does not."""
     rng = np.random.default_rng(0)
     x = 1.0 + np.cumsum(rng.standard_normal(401))[:, None] * 0.1
     slopes = {"least squares": [], "total least squares": []}
@@ -64,7 +69,9 @@ def test_python_control_simulates_the_same_motion():
     model = identify(ddmhe.History(*record(system, rng), dt=0.1))
     x_0 = rng.standard_normal(3)
     x, y = model.simulate(x_0, 40)
-    response = control.forced_response(model.to_control(), T=np.arange(40) * 0.1, inputs=np.ones(40), X0=x_0)
+    response = control.forced_response(
+        model.to_control(), T=np.arange(40) * 0.1, inputs=np.ones(40), X0=x_0
+    )
     np.testing.assert_allclose(response.states.T, x[:-1], atol=1e-10)
     np.testing.assert_allclose(response.outputs.T, y, atol=1e-10)
 
@@ -79,7 +86,9 @@ def test_observability_does_not_depend_on_units():
 def test_errors_name_the_argument():
     x, y = np.zeros((20, 2)), np.zeros((19, 1))
     x[:, 0] = np.sin(np.arange(20))
-    with pytest.raises(ddmhe.RankError, match="history: expected states that span n = 2 directions"):
+    with pytest.raises(
+        ddmhe.RankError, match="history: expected states that span n = 2 directions"
+    ):
         identify(ddmhe.History(x, y))
     with pytest.raises(ddmhe.RankError, match="history: expected at least 3 outputs"):
         identify(ddmhe.History(x[:3], y[:2]))

@@ -48,7 +48,9 @@ def test_detumbling_with_an_isotropic_target_brakes_across_the_field():
     """(ω × B) × B = B (B·ω) - ω |B|²."""
     model = detumbling(M_eff=np.eye(3), B=[1.0, 2.0, -2.0])
     omega = np.array([0.3, -0.1, 0.2])
-    np.testing.assert_allclose(model.torque(omega), model.B * (model.B @ omega) - 9 * omega, rtol=1e-14)
+    np.testing.assert_allclose(
+        model.torque(omega), model.B * (model.B @ omega) - 9 * omega, rtol=1e-14
+    )
 
 
 def test_detumbling_output_does_not_see_rotation_about_the_field():
@@ -63,13 +65,17 @@ def test_models_take_many_states_at_once():
         (pendulum(), OMEGAS[:, :2]),
     ):
         for of_state in (model.derivative, model.output):
-            np.testing.assert_allclose(of_state(states), np.array([of_state(x) for x in states]), rtol=1e-14)
+            np.testing.assert_allclose(
+                of_state(states), np.array([of_state(x) for x in states]), rtol=1e-14
+            )
 
 
 def test_paper_parameters():
     model = detumbling()
     np.testing.assert_array_equal(np.diag(model.inertia), [4513.2, 4138.1, 3282.5])
-    np.testing.assert_allclose(np.rad2deg(model.simulate(1.0, 0.1).x[0]), [14.364, 1.224, 3.4195], rtol=1e-15)
+    np.testing.assert_allclose(
+        np.rad2deg(model.simulate(1.0, 0.1).x[0]), [14.364, 1.224, 3.4195], rtol=1e-15
+    )
     np.testing.assert_allclose(np.diag(model.M_eff), [525812.0, 525812.0, 173639.0], rtol=1e-14)
     np.testing.assert_array_equal(model.Lambda, model.Lambda.T)
     assert abs(np.trace(model.Lambda)) < 1e-18  # a magnetic field has no divergence
@@ -77,7 +83,11 @@ def test_paper_parameters():
 
 def test_torque_free_tumbling_keeps_energy_and_angular_momentum():
     inertia = np.array([[4500.0, 120.0, -80.0], [120.0, 4100.0, 60.0], [-80.0, 60.0, 3300.0]])
-    x = detumbling(inertia=inertia, B=np.zeros(3), omega_0=[0.4, 0.2, -0.3]).simulate(200, 0.5, integrator="accurate").x
+    x = (
+        detumbling(inertia=inertia, B=np.zeros(3), omega_0=[0.4, 0.2, -0.3])
+        .simulate(200, 0.5, integrator="accurate")
+        .x
+    )
     energy = np.einsum("ki,ij,kj->k", x, inertia, x)
     momentum = np.linalg.norm(x @ inertia, axis=1)
     np.testing.assert_allclose(energy, energy[0], rtol=1e-12)
@@ -131,7 +141,9 @@ def test_spin_down_without_friction_decays_exponentially():
 
 def test_spin_down_with_friction_stops_and_stays():
     """Coulomb friction alone: ω falls at coulomb/inertia until it is at rest."""
-    model = spin_down(viscous=0.0, eddy=0.0, coulomb=5e-3, inertia=5e-3, omega_0=2.0, coulomb_speed=1e-3)
+    model = spin_down(
+        viscous=0.0, eddy=0.0, coulomb=5e-3, inertia=5e-3, omega_0=2.0, coulomb_speed=1e-3
+    )
     x = model.simulate(3.0, 1e-3).x[:, 0]
     np.testing.assert_allclose(x[1000], 1.0, atol=1e-9)
     assert np.abs(x[2100:]).max() < 1e-3
@@ -139,7 +151,9 @@ def test_spin_down_with_friction_stops_and_stays():
 
 def test_torque_curve_is_odd_linear_between_points_and_replaces_the_linear_law():
     curve = TorqueCurve([0.0, 10.0, 20.0], [0.0, 4.0, 2.0])
-    np.testing.assert_allclose(curve([-15.0, -5.0, 0.0, 5.0, 10.0, 15.0, 99.0]), [-3, -2, 0, 2, 4, 3, 2], rtol=1e-15)
+    np.testing.assert_allclose(
+        curve([-15.0, -5.0, 0.0, 5.0, 10.0, 15.0, 99.0]), [-3, -2, 0, 2, 4, 3, 2], rtol=1e-15
+    )
     straight = TorqueCurve([0.0, 50.0], [0.0, 0.25])
     linear, tabulated = (spin_down(torque_curve=c).simulate(2.0, 0.01) for c in (None, straight))
     np.testing.assert_allclose(tabulated.x, linear.x, rtol=1e-12)
@@ -158,7 +172,9 @@ def test_transducer_bias_and_encoder_rounding():
     count = 2 * math.pi / (1000 * 0.01)
     np.testing.assert_allclose(r.x_recorded / count, np.round(r.x_recorded / count), atol=1e-9)
     assert 0 < np.abs(r.x_recorded - r.x).max() <= count / 2
-    np.testing.assert_array_equal(exact_one.simulate(0.5, 0.01).x_recorded, exact_one.simulate(0.5, 0.01).x)
+    np.testing.assert_array_equal(
+        exact_one.simulate(0.5, 0.01).x_recorded, exact_one.simulate(0.5, 0.01).x
+    )
 
 
 def test_pendulum_step_is_the_system_of_the_paper():
@@ -166,7 +182,9 @@ def test_pendulum_step_is_the_system_of_the_paper():
     model = pendulum()
     r = model.simulate(100 * model.paper_dt, model.paper_dt)
     f = np.column_stack([np.zeros(100), -0.065 * np.sin(r.x[:-1, 0])])
-    np.testing.assert_allclose(r.x[1:], r.x[:-1] @ np.array([[1, 0.065], [0, 1]]).T + f, rtol=1e-14, atol=1e-16)
+    np.testing.assert_allclose(
+        r.x[1:], r.x[:-1] @ np.array([[1, 0.065], [0, 1]]).T + f, rtol=1e-14, atol=1e-16
+    )
     np.testing.assert_array_equal(r.y, r.x[:, :1])
 
 
@@ -178,35 +196,87 @@ def test_pendulum_has_the_period_of_the_elliptic_integral():
 
 
 WRONG = [
-    (lambda: detumbling(mass=3.0), DdmheError, r"mass: expected a parameter of Detumbling: inertia, M_eff"),
-    (lambda: detumbling(inertia=[1.0, 2.0]), ShapeError, r"inertia: expected shape \(3, 3\), found \(2,\)"),
-    (lambda: detumbling(inertia=[1.0, 2.0, -1.0]), DdmheError, "inertia: expected a symmetric positive definite"),
-    (lambda: detumbling(inertia=np.arange(9.0).reshape(3, 3)), DdmheError, "inertia: expected a symmetric"),
+    (
+        lambda: detumbling(mass=3.0),
+        DdmheError,
+        r"mass: expected a parameter of Detumbling: inertia, M_eff",
+    ),
+    (
+        lambda: detumbling(inertia=[1.0, 2.0]),
+        ShapeError,
+        r"inertia: expected shape \(3, 3\), found \(2,\)",
+    ),
+    (
+        lambda: detumbling(inertia=[1.0, 2.0, -1.0]),
+        DdmheError,
+        "inertia: expected a symmetric positive definite",
+    ),
+    (
+        lambda: detumbling(inertia=np.arange(9.0).reshape(3, 3)),
+        DdmheError,
+        "inertia: expected a symmetric",
+    ),
     (lambda: detumbling(B=[np.nan, 0, 0]), NotFiniteError, "B: expected finite numbers"),
     (lambda: detumbling(r="abc"), ShapeError, "r: expected an array of real numbers, found str"),
     (lambda: spin_down(inertia=0.0), DdmheError, "inertia: expected a number above 0, found 0"),
     (lambda: spin_down(eddy=-1.0), DdmheError, "eddy: expected a number of at least 0, found -1"),
     (lambda: spin_down(omega_0=[1.0, 2.0]), ShapeError, "omega_0: expected shape"),
     (lambda: spin_down(encoder_counts=0), DdmheError, "encoder_counts: expected a whole number"),
-    (lambda: spin_down(torque_curve=3), DdmheError, "torque_curve: expected a TorqueCurve or None, found int"),
-    (lambda: spin_down(torque_curve=TorqueCurve([0, 1], [0, 1])), DdmheError, "torque_curve: expected speeds up to"),
+    (
+        lambda: spin_down(torque_curve=3),
+        DdmheError,
+        "torque_curve: expected a TorqueCurve or None, found int",
+    ),
+    (
+        lambda: spin_down(torque_curve=TorqueCurve([0, 1], [0, 1])),
+        DdmheError,
+        "torque_curve: expected speeds up to",
+    ),
     (lambda: TorqueCurve([0.0], [0.0]), ShapeError, "speed: expected at least 2 speeds"),
-    (lambda: TorqueCurve([0.0, 1.0, 1.0], [0, 1, 1]), DdmheError, "speed: expected speeds that start at 0"),
+    (
+        lambda: TorqueCurve([0.0, 1.0, 1.0], [0, 1, 1]),
+        DdmheError,
+        "speed: expected speeds that start at 0",
+    ),
     (lambda: TorqueCurve([0.0, 1.0], [0.0, -1.0]), DdmheError, "torque: expected braking torques"),
-    (lambda: TorqueCurve([0.0, 1.0], [0.0]), ShapeError, r"torque: expected shape \(2,\), found \(1,\)"),
-    (lambda: TorqueCurve.from_csv("no-such-file.csv"), DdmheError, "path: expected a readable CSV file"),
+    (
+        lambda: TorqueCurve([0.0, 1.0], [0.0]),
+        ShapeError,
+        r"torque: expected shape \(2,\), found \(1,\)",
+    ),
+    (
+        lambda: TorqueCurve.from_csv("no-such-file.csv"),
+        DdmheError,
+        "path: expected a readable CSV file",
+    ),
     (lambda: pendulum(x_0=[1.0]), ShapeError, r"x_0: expected shape \(2,\), found \(1,\)"),
-    (lambda: pendulum().simulate(1.0, 0.3), DdmheError, "duration: expected a multiple of dt = 0.3 s, found 1.0 s"),
+    (
+        lambda: pendulum().simulate(1.0, 0.3),
+        DdmheError,
+        "duration: expected a multiple of dt = 0.3 s, found 1.0 s",
+    ),
     (lambda: pendulum().simulate(-1.0, 0.1), DdmheError, "duration: expected a positive number"),
     (lambda: pendulum().simulate(1.0, 0.0), DdmheError, "dt: expected a positive number"),
-    (lambda: pendulum().simulate(1.0, math.nan), DdmheError, "dt: expected a positive number of seconds, found nan"),
-    (lambda: pendulum().simulate(1.0, 0.1, noise=-0.1), DdmheError, "noise: expected a finite number of at least 0"),
+    (
+        lambda: pendulum().simulate(1.0, math.nan),
+        DdmheError,
+        "dt: expected a positive number of seconds, found nan",
+    ),
+    (
+        lambda: pendulum().simulate(1.0, 0.1, noise=-0.1),
+        DdmheError,
+        "noise: expected a finite number of at least 0",
+    ),
     (
         lambda: pendulum().simulate(1.0, 0.1, integrator="rk4"),
         DdmheError,
         "integrator: expected one of euler, accurate",
     ),
-    (lambda: detumbling(B=[9.0, 9, 9]).simulate(300.0, 1.0), DdmheError, "dt: expected one small enough"),
+    (
+        lambda: detumbling(B=[9.0, 9, 9]).simulate(300.0, 1.0),
+        DdmheError,
+        "dt: expected one small enough",
+    ),
 ]
 
 

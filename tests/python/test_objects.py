@@ -89,7 +89,9 @@ def users_system():
 
 def observer(system, method="tight"):
     gain = interval.fixed_gain(system, np.full((system.n, system.p), 0.3))
-    return interval.IntervalObserver(system, gain, np.zeros(system.n), 0.5, 1e-3, 1e-2, method=method)
+    return interval.IntervalObserver(
+        system, gain, np.zeros(system.n), 0.5, 1e-3, 1e-2, method=method
+    )
 
 
 SYSTEMS = {
@@ -97,7 +99,9 @@ SYSTEMS = {
     "pendulum": interval.pendulum,
     "detumbling": interval.detumbling,
     "van der Pol": interval.van_der_pol,
-    "linear": lambda: interval.linear(0.5 * np.eye(2), 0.6 * np.eye(2), [[1.0, 0.0]], np.eye(2), np.eye(1)),
+    "linear": lambda: interval.linear(
+        0.5 * np.eye(2), 0.6 * np.eye(2), [[1.0, 0.0]], np.eye(2), np.eye(1)
+    ),
 }
 
 
@@ -143,7 +147,8 @@ def test_values(name, way):
 @pytest.mark.parametrize("way", WAYS)
 @pytest.mark.parametrize("name", list(estimators()))
 def test_estimators_continue_on_their_own(name, way):
-    """Before the first step, in the middle and behind an estimate: the copy goes on with the same numbers, the
+    """Before the first step, in the middle and behind an estimate: the copy goes on with the same
+    numbers, the
     original does not notice."""
     estimator, reference = estimators()[name], estimators()[name]
     for part in (OUTPUTS[:0], OUTPUTS[:4], OUTPUTS[4:12]):
@@ -175,7 +180,14 @@ def test_observers_continue_on_their_own(name, way):
             same(np.asarray(twin.system.f(x)), np.asarray(o.system.f(x)))
 
 
-BASELINES = ["ArxKalman", "ErrorStateKalman", "KoopmanMhe", "Oracle", "RidgeFir", "TahirIntervalObserver"]
+BASELINES = [
+    "ArxKalman",
+    "ErrorStateKalman",
+    "KoopmanMhe",
+    "Oracle",
+    "RidgeFir",
+    "TahirIntervalObserver",
+]
 
 
 def baseline(name):
@@ -226,7 +238,9 @@ def test_other_processes(method):
 def test_a_function_inside_of_a_function_is_told_by_pickle_itself():
     o = observer(SYSTEMS["user's"]())
     A, eye, slope = o.system.A, np.eye(2), o.system.j_hi
-    nested = interval.System(A, o.system.C, eye, np.eye(1), lambda x: user_f(x), user_jacobian, -slope, slope)
+    nested = interval.System(
+        A, o.system.C, eye, np.eye(1), lambda x: user_f(x), user_jacobian, -slope, slope
+    )
     with pytest.raises((pickle.PicklingError, AttributeError), match="lambda"):
         pickle.dumps(nested)
     assert copy.deepcopy(observer(nested)).step([0.0]).lower.shape == (2,)
@@ -235,14 +249,20 @@ def test_a_function_inside_of_a_function_is_told_by_pickle_itself():
 def test_recordings_as_bytes():
     blob = H.to_bytes()
     same(ddmhe.History.from_bytes(blob), H)
-    for wrong, words in ((blob[:-1], "cut off"), (blob + b"!", "longer"), (b"hello", "did not write"), ("no", "bytes")):
+    for wrong, words in (
+        (blob[:-1], "cut off"),
+        (blob + b"!", "longer"),
+        (b"hello", "did not write"),
+        ("no", "bytes"),
+    ):
         with pytest.raises(ddmhe.DdmheError, match=words):
             ddmhe.History.from_bytes(wrong)
 
 
 @pytest.mark.parametrize("name", ["estimator", "observer"])
 def test_two_threads_on_one_object(name):
-    """While one thread runs, whatever another one asks for is an answer or an error that says what to do."""
+    """While one thread runs, whatever another one asks for is an answer or an error that says what
+    to do."""
     h = ddmhe.History(NOISY[:, :1], Y[:, :1])
     thing = ddmhe.DdMhe(h, 20) if name == "estimator" else observer(interval.pendulum())
     y = np.zeros((400_000 if name == "estimator" else 20_000, 1))
@@ -288,7 +308,9 @@ def test_a_callback_may_not_use_its_own_observer():
 
     system = users_system()
     slope = system.j_hi
-    again = interval.System(system.A, system.C, np.eye(2), np.eye(1), f, user_jacobian, -slope, slope)
+    again = interval.System(
+        system.A, system.C, np.eye(2), np.eye(1), f, user_jacobian, -slope, slope
+    )
     o = observer(again)
     with pytest.raises(ddmhe.DdmheError, match="one call at a time"):
         o.step([0.0])
@@ -303,7 +325,9 @@ def test_an_interrupt_inside_of_a_users_function_stays_one(kind, where):
     system = users_system()
     parts = {"f": user_f, "jacobian": user_jacobian} | {where: stop}
     slope = system.j_hi
-    stopping = interval.System(system.A, system.C, np.eye(2), np.eye(1), parts["f"], parts["jacobian"], -slope, slope)
+    stopping = interval.System(
+        system.A, system.C, np.eye(2), np.eye(1), parts["f"], parts["jacobian"], -slope, slope
+    )
     for call in (lambda o: o.step([0.0]), lambda o: o.run([[0.0]])):
         with pytest.raises(kind, match="enough"):
             call(observer(stopping))
@@ -312,7 +336,9 @@ def test_an_interrupt_inside_of_a_users_function_stays_one(kind, where):
         raise ZeroDivisionError("by zero")
 
     parts[where] = wrong
-    failing = interval.System(system.A, system.C, np.eye(2), np.eye(1), parts["f"], parts["jacobian"], -slope, slope)
+    failing = interval.System(
+        system.A, system.C, np.eye(2), np.eye(1), parts["f"], parts["jacobian"], -slope, slope
+    )
     with pytest.raises(ddmhe.DdmheError, match=f"{where}: .*by zero"):
         observer(failing).step([0.0])
 

@@ -8,7 +8,8 @@ from ddmhe.design import Cone, Disc, HalfPlane, pole_placement
 
 
 def full_output_system(rng, n=3):
-    """A with spectral radius 0.95 and a square C that is well conditioned: rank C = n, so that (24) is possible."""
+    """A with spectral radius 0.95 and a square C that is well conditioned: rank C = n, so that (24)
+    is possible."""
     A = rng.standard_normal((n, n))
     C = np.linalg.qr(rng.standard_normal((n, n)))[0] * rng.uniform(0.5, 2.0, n)
     return A * 0.95 / np.abs(np.linalg.eigvals(A)).max(), C
@@ -30,7 +31,8 @@ def test_with_a_known_system_of_full_output_rank(seed):
 
 @pytest.mark.parametrize("seed", range(8))
 def test_noise_that_just_fills_the_rank(seed):
-    """n + p columns of differences and noise of 1e-6: the printed way works, as the true system confirms."""
+    """n + p columns of differences and noise of 1e-6: the printed way works, as the true system
+    confirms."""
     rng = np.random.default_rng(seed)
     A, C = full_output_system(rng)
     x = [rng.standard_normal(3)]
@@ -48,7 +50,8 @@ def test_noise_that_just_fills_the_rank(seed):
 
 
 def test_more_noisy_columns_make_the_printed_numbers_mean_nothing():
-    """The optimum is A_L = 0, L = 0 for any system: ρ0 and μ0 are rounding, like the paper's 1.3e-19 and 3.3e-14."""
+    """The optimum is A_L = 0, L = 0 for any system: ρ0 and μ0 are rounding, like the paper's
+    1.3e-19 and 3.3e-14."""
     rng = np.random.default_rng(0)
     A, C = full_output_system(rng)
     x = [rng.standard_normal(3)]
@@ -65,7 +68,8 @@ def test_more_noisy_columns_make_the_printed_numbers_mean_nothing():
 
 
 def test_the_papers_satellite_cannot_meet_24():
-    """C = f(ω x B) has kernel B, where A is nearly the identity: ρ0 >= 6.01 for every gain, at every sampling time."""
+    """C = f(ω x B) has kernel B, where A is nearly the identity: ρ0 >= 6.01 for every gain, at
+    every sampling time."""
     record = ddmhe.models.detumbling().simulate(20.0, 0.1)
     B = np.array([41.0, 51.0, -41.0]) / np.linalg.norm([41.0, 51.0, -41.0])
     design = pole_placement(ddmhe.History(record.x, record.y[:-1], dt=0.1))
@@ -79,7 +83,9 @@ def test_the_papers_satellite_cannot_meet_24():
     ahead = lambda x: x + 0.1 * model.derivative(x)  # noqa: E731
     steps = np.eye(3) * 1e-6
     A = np.array([(ahead(model.omega_0 + s) - ahead(model.omega_0 - s)) / 2e-6 for s in steps]).T
-    C = np.array([(model.output(model.omega_0 + s) - model.output(model.omega_0 - s)) / 2e-6 for s in steps]).T
+    C = np.array(
+        [(model.output(model.omega_0 + s) - model.output(model.omega_0 - s)) / 2e-6 for s in steps]
+    ).T
     assert np.linalg.norm(C @ B) < 1e-6 * np.linalg.norm(C)
     exact = pole_placement(A=A, C=C)
     assert not exact.certified
@@ -158,7 +164,10 @@ def test_errors_name_the_argument():
         (dict(A=A * np.nan, C=C), "A: expected finite numbers"),
         (dict(A=A), "A, C: expected both"),
         (dict(), "history: expected either a recording or A and C"),
-        (dict(history=ddmhe.History(x, x[:-1, :1]), A=A, C=C), "history: expected either a recording or A and C"),
+        (
+            dict(history=ddmhe.History(x, x[:-1, :1]), A=A, C=C),
+            "history: expected either a recording or A and C",
+        ),
         (dict(history=ddmhe.History(x, x[:-1, :1])), "history: expected at least n"),
         (dict(A=A, C=np.array([[1.0, 0.0]])), "A, C: expected an observable pair"),
         (dict(A=A, C=C, attempts=0), "attempts: expected at least 1"),

@@ -1,4 +1,5 @@
-"""Signals, forks and killed workers, with real processes: where the old behaviour returns, a time limit ends the test.
+"""Signals, forks and killed workers, with real processes: where the old behaviour returns, a time
+limit ends the test.
 
 The limits leave room for a loaded machine: what took minutes, or for ever, must take seconds.
 """
@@ -33,7 +34,8 @@ SETUP = """
 
 
 def run(program, limit=120, stop_after=None, to=signal.SIGINT):
-    """(seconds from the signal to the end, exit code, stdout, stderr) of a program that prints "ready" first."""
+    """(seconds from the signal to the end, exit code, stdout, stderr) of a program that prints
+    "ready" first."""
     code = textwrap.dedent(SETUP) + textwrap.dedent(program)
     environment = os.environ | {"OPENBLAS_NUM_THREADS": "1", "PYTHONUNBUFFERED": "1"}
     child = subprocess.Popen(
@@ -42,7 +44,9 @@ def run(program, limit=120, stop_after=None, to=signal.SIGINT):
         stderr=subprocess.PIPE,
         text=True,
         env=environment,
-        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # a shell's background job ignores it
+        preexec_fn=lambda: signal.signal(
+            signal.SIGINT, signal.SIG_DFL
+        ),  # a shell's background job ignores it
     )
     try:
         if stop_after is not None:
@@ -73,7 +77,8 @@ FORKED = """
 
 
 def test_a_forked_process_can_run_and_tune_again():
-    """What rayon's global pool made impossible: its threads are not in the child, which waited for them for ever."""
+    """What rayon's global pool made impossible: its threads are not in the child, which waited for
+    them for ever."""
     _, code, out, err = run(FORKED)
     assert (code, out) == (0, "0\n"), err
 
@@ -200,7 +205,9 @@ def test_another_signals_exception_passes_as_it_is():
 
 def test_a_run_in_another_thread_does_not_wait_for_signals():
     """Only the main thread runs handlers; a run beside it goes on to its end."""
-    estimator = ddmhe.DdMhe(ddmhe.History(np.sin(np.arange(40.0))[:, None], np.cos(np.arange(39.0))[:, None]), 5)
+    estimator = ddmhe.DdMhe(
+        ddmhe.History(np.sin(np.arange(40.0))[:, None], np.cos(np.arange(39.0))[:, None]), 5
+    )
     from concurrent.futures import ThreadPoolExecutor
 
     with ThreadPoolExecutor(2) as pool:
@@ -261,12 +268,18 @@ def killed(job):
 def threads(job):
     from threadpoolctl import threadpool_info
 
-    return job, max(info["num_threads"] for info in threadpool_info()), os.environ["RAYON_NUM_THREADS"]
+    return (
+        job,
+        max(info["num_threads"] for info in threadpool_info()),
+        os.environ["RAYON_NUM_THREADS"],
+    )
 
 
 def test_workers_work():
     ticks = []
-    assert in_parallel(threads, [1, 2, 3], lambda: ticks.append(1)) == [(k, 1, "1") for k in (1, 2, 3)]
+    assert in_parallel(threads, [1, 2, 3], lambda: ticks.append(1)) == [
+        (k, 1, "1") for k in (1, 2, 3)
+    ]
     assert len(ticks) == 3
     assert in_parallel(abs, [], lambda: None) == []
 

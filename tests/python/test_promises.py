@@ -1,4 +1,5 @@
-"""What the README promises of the defaults: the 3-DOF case and the measured pendulum logs, nothing tuned."""
+"""What the README promises of the defaults: the 3-DOF case and the measured pendulum logs, nothing
+tuned."""
 
 import os
 from pathlib import Path
@@ -9,7 +10,10 @@ import pytest
 import ddmhe
 from ddmhe.reproduce import pendulum_task
 
-DATA = Path(os.environ.get("DDMHE_DATA", Path(__file__).parents[3] / "shared" / "data")) / "repoimu-pendulum"
+DATA = (
+    Path(os.environ.get("DDMHE_DATA", Path(__file__).parents[3] / "shared" / "data"))
+    / "repoimu-pendulum"
+)
 BOX = 10 * np.pi / 60
 
 
@@ -20,11 +24,14 @@ def rmse(error):
 @pytest.mark.parametrize("seed", range(6))
 @pytest.mark.parametrize("noisy_history", [True, False])
 def test_detumbling_with_defaults(seed, noisy_history):
-    """20 s recorded, torque noise 0.01 N·m: 0.12/0.30/2.0 deg/s over the next 20/40/100 s, every step optimal."""
+    """20 s recorded, torque noise 0.01 N·m: 0.12/0.30/2.0 deg/s over the next 20/40/100 s, every
+    step optimal."""
     model = ddmhe.models.detumbling()
     record = model.simulate(120.0, 0.1, noise=0.01, seed=seed)
     y = record.y[:200] if noisy_history else model.output(record.x[:200])
-    estimator = ddmhe.DdMhe(ddmhe.History(record.x[:201], y, dt=0.1), x_bounds=(-BOX, BOX), x_center="history")
+    estimator = ddmhe.DdMhe(
+        ddmhe.History(record.x[:201], y, dt=0.1), x_bounds=(-BOX, BOX), x_center="history"
+    )
     log = estimator.run(record.y[200:-1])
     error = log.x - record.x[201:]
     assert (log.status == "optimal").all()
@@ -35,7 +42,8 @@ def test_detumbling_with_defaults(seed, noisy_history):
 
 
 def test_a_tight_box_on_the_3_dof_case_keeps_every_step_optimal():
-    """The problem on which solvers fail when (16) is written down as printed: here most steps need the solver."""
+    """The problem on which solvers fail when (16) is written down as printed: here most steps need
+    the solver."""
     record = ddmhe.models.detumbling().simulate(120.0, 0.1, noise=0.01, seed=1)
     h = ddmhe.History(record.x[:201], record.y[:200], dt=0.1)
     limits = record.x.min(0) + 0.02, record.x.max(0) - 0.02
@@ -47,9 +55,12 @@ def test_a_tight_box_on_the_3_dof_case_keeps_every_step_optimal():
         assert (log.x <= limits[1] + 1e-9).all()
 
 
-@pytest.mark.skipif(not DATA.is_dir(), reason="no measured logs: set DDMHE_DATA to the directory of data sets")
+@pytest.mark.skipif(
+    not DATA.is_dir(), reason="no measured logs: set DDMHE_DATA to the directory of data sets"
+)
 def test_measured_pendulum_with_defaults():
-    """Angular rate from the accelerometer alone: better than its mean on every log, NRMSE 0.36 in geometric mean."""
+    """Angular rate from the accelerometer alone: better than its mean on every log, NRMSE 0.36 in
+    geometric mean."""
     nrmse = {}
     for path in sorted(DATA.glob("*.csv")):
         task = pendulum_task(path)
@@ -57,7 +68,9 @@ def test_measured_pendulum_with_defaults():
         x_hat = ddmhe.DdMhe(task.history).run(task.Y).x
         seen = np.isfinite(task.x).all(axis=1)
         truth = task.x[seen]
-        nrmse[path.stem] = np.sqrt(np.mean((x_hat[seen] - truth) ** 2) / np.mean((truth - truth.mean(0)) ** 2))
+        nrmse[path.stem] = np.sqrt(
+            np.mean((x_hat[seen] - truth) ** 2) / np.mean((truth - truth.mean(0)) ** 2)
+        )
     values = np.array(list(nrmse.values()))
     assert len(values) >= 18
     assert values.max() < 1, nrmse

@@ -1,4 +1,5 @@
-"""What a recording says, and what it does not: rounding far from zero, too few samples, channels at rest, angles."""
+"""What a recording says, and what it does not: rounding far from zero, too few samples, channels at
+rest, angles."""
 
 import os
 from pathlib import Path
@@ -15,14 +16,17 @@ RATIOS = (0.0, 1e2, 3e2, 1e3, 2e3, 3e3, 1e4, 1e5, 1e6)
 
 
 def far_away(seed, ratio, computed):
-    """A noise-free motion `ratio` deviations from zero in units of its own: rounded once, or at every step of it."""
+    """A noise-free motion `ratio` deviations from zero in units of its own: rounded once, or at
+    every step of it."""
     rng = np.random.default_rng(seed)
     n, p = 1 + seed % 5, 1 + (seed // 5) % 3
     system = random_system(rng, n, p)
     x_mean, y_mean = (ratio * rng.uniform(0.5, 1, k) * rng.choice([-1, 1], k) for k in (n, p))
     start = rng.standard_normal(n)
     if computed:
-        moved = Affine(system.A, x_mean - system.A @ x_mean + system.e, system.C, y_mean - system.C @ x_mean)
+        moved = Affine(
+            system.A, x_mean - system.A @ x_mean + system.e, system.C, y_mean - system.C @ x_mean
+        )
         x, y = moved.simulate(x_mean + start, 240)
     else:
         x, y = system.simulate(start, 240)
@@ -36,12 +40,19 @@ def far_away(seed, ratio, computed):
 @pytest.mark.parametrize("ratio", RATIOS)
 @pytest.mark.parametrize("computed", [False, True])
 def test_rounding_far_from_zero_is_not_taken_for_motion(ratio, computed, seeds):
-    """Noise-free data span n directions, whatever their mean: nothing else is kept, and no estimate is lost to it."""
+    """Noise-free data span n directions, whatever their mean: nothing else is kept, and no estimate
+    is lost to it."""
     for seed in seeds:
         x, y = far_away(seed, ratio, computed)
         h = ddmhe.History(x[:101], y[:100])
         spread = np.sqrt(x.var(axis=0).mean())
-        for horizon, space in ((None, "auto"), (5, "auto"), (40, "auto"), (None, ddmhe.Exact()), (40, ddmhe.Exact())):
+        for horizon, space in (
+            (None, "auto"),
+            (5, "auto"),
+            (40, "auto"),
+            (None, ddmhe.Exact()),
+            (40, ddmhe.Exact()),
+        ):
             estimator = ddmhe.DdMhe(h, horizon, space=space)
             assert estimator.rank == h.n
             log = estimator.run(y[100:240])
@@ -51,7 +62,8 @@ def test_rounding_far_from_zero_is_not_taken_for_motion(ratio, computed, seeds):
 
 @pytest.mark.parametrize("ratio", RATIOS)
 def test_the_rank_condition_far_from_zero(ratio):
-    """Every state moves: rank n + 1. One is a combination of the others: not, though its rounding moves."""
+    """Every state moves: rank n + 1. One is a combination of the others: not, though its rounding
+    moves."""
     for seed in range(40):
         rng = np.random.default_rng(seed)
         x, y = far_away(seed, ratio, computed=True)
@@ -63,9 +75,12 @@ def test_the_rank_condition_far_from_zero(ratio):
 
 
 @pytest.mark.parametrize("unit", [1.0, 180 / np.pi])
-@pytest.mark.parametrize(("duration", "dt"), [(20.0, 0.1), (100.0, 0.1), (20.0, 0.5), (100.0, 1.0), (20.0, 0.02)])
+@pytest.mark.parametrize(
+    ("duration", "dt"), [(20.0, 0.1), (100.0, 0.1), (20.0, 0.5), (100.0, 1.0), (20.0, 0.02)]
+)
 def test_differences_of_a_noise_free_satellite_have_rank_five(unit, duration, dt):
-    """C has rank 2 and the outputs are linear in the states: the sixth singular value of (46) is rounding."""
+    """C has rank 2 and the outputs are linear in the states: the sixth singular value of (46) is
+    rounding."""
     record = ddmhe.models.detumbling().simulate(duration, dt)
     design = pole_placement(ddmhe.History(record.x * unit, record.y[:-1], dt=dt), attempts=1)
     assert (design.rank, design.required_rank) == (5, 6)
@@ -74,7 +89,8 @@ def test_differences_of_a_noise_free_satellite_have_rank_five(unit, duration, dt
 
 @pytest.mark.parametrize("n", [1, 2, 3, 4])
 def test_a_recording_without_degrees_of_freedom_is_not_called_exact(n):
-    """n + 1 samples are fitted by some affine model whatever they are: no noise can be seen, so it is allowed for."""
+    """n + 1 samples are fitted by some affine model whatever they are: no noise can be seen, so it
+    is allowed for."""
     rng = np.random.default_rng(n)
     x, y = rng.standard_normal((n + 2, n)), rng.standard_normal((n + 1, 2))
     estimator = ddmhe.DdMhe(ddmhe.History(x, y))
@@ -172,7 +188,9 @@ def test_a_state_that_never_moved_is_named():
 
 def turning(rng, steps, turn, low, rate):
     """A heading that turns with a varying rate and noise, wrapped to [low, low + turn)."""
-    heading = np.cumsum(rate * (1 + 0.3 * np.sin(0.05 * np.arange(steps)))) + 0.02 * rate * rng.standard_normal(steps)
+    heading = np.cumsum(
+        rate * (1 + 0.3 * np.sin(0.05 * np.arange(steps)))
+    ) + 0.02 * rate * rng.standard_normal(steps)
     return low + np.mod(heading, turn)
 
 
@@ -187,7 +205,12 @@ def test_a_wrapped_angle_in_the_recording_is_named(turn, low, share, decimals):
     angle = np.round(turning(rng, 401, turn, low, share * turn), decimals)
     other = rng.standard_normal(401)
     by_state = ddmhe.DdMhe(ddmhe.History(np.column_stack([other, angle]), other[:-1, None]))
-    assert said(by_state, "state 1 (counted from 0) jumps by about", "360" if turn == 360.0 else "2 pi", "cosine")
+    assert said(
+        by_state,
+        "state 1 (counted from 0) jumps by about",
+        "360" if turn == 360.0 else "2 pi",
+        "cosine",
+    )
     by_output = ddmhe.DdMhe(ddmhe.History(other[:, None], np.column_stack([angle, other])[:-1]))
     assert said(by_output, "output 0 (counted from 0) jumps by about")
     first = int(np.flatnonzero(np.abs(np.diff(angle)) > turn / 2)[0]) + 1
@@ -207,7 +230,9 @@ def test_an_angle_that_wraps_online_is_named_with_the_time(turn, low):
     estimator.run(y[T:start])
     assert estimator.warnings == before
     estimator.run(y[start : start + 30])
-    assert said(estimator, "output 1 (counted from 0) jumps by a full turn from 10.5 s on (step 21)")
+    assert said(
+        estimator, "output 1 (counted from 0) jumps by a full turn from 10.5 s on (step 21)"
+    )
     assert len(estimator.warnings) == len(before) + 1
 
 
@@ -230,14 +255,19 @@ def test_ordinary_signals_are_no_angles():
     }
     other = np.cos(0.1 * k)
     for name, signal in signals.items():
-        estimator = ddmhe.DdMhe(ddmhe.History(other[:201, None], np.column_stack([other, signal])[:200]))
+        estimator = ddmhe.DdMhe(
+            ddmhe.History(other[:201, None], np.column_stack([other, signal])[:200])
+        )
         estimator.run(np.column_stack([other, signal])[200:])
         assert not [w for w in estimator.warnings if "wrapped" in w], name
 
 
-@pytest.mark.skipif(not DATA.is_dir(), reason="no measured logs: set DDMHE_DATA to the directory of data sets")
+@pytest.mark.skipif(
+    not DATA.is_dir(), reason="no measured logs: set DDMHE_DATA to the directory of data sets"
+)
 def test_measured_channels_raise_no_false_alarm():
-    """Every column of every measured log, as recorded and as an online output: none of them wraps or rests."""
+    """Every column of every measured log, as recorded and as an online output: none of them wraps
+    or rests."""
     paths = sorted(DATA.glob("repoimu-pendulum/*.csv")) + sorted(DATA.glob("input-logs/*.csv"))
     assert len(paths) > 30
     for path in paths:

@@ -22,7 +22,8 @@ def relative(a, b):
 
 @pytest.mark.parametrize("seed", range(60))
 def test_noise_free_states_are_recovered(seed):
-    """A new trajectory of the recorded system, the right prior, no noise: the states come out to 1e-8."""
+    """A new trajectory of the recorded system, the right prior, no noise: the states come out to
+    1e-8."""
     rng = np.random.default_rng(seed)
     system, n, _, M, x, y = draw(rng)
     truth, outputs = system.simulate(rng.standard_normal(n) * 3, 2 * M + 5)
@@ -47,7 +48,8 @@ def test_a_wrong_prior_is_forgotten(seed):
 
 @pytest.mark.parametrize("seed", range(200))
 def test_constrained_window_equals_verbatim_and_model_based(seed):
-    """x̂ and cost at a random step, growing or full window, with boxes that cut off the unconstrained answer."""
+    """x̂ and cost at a random step, growing or full window, with boxes that cut off the
+    unconstrained answer."""
     rng = np.random.default_rng(seed)
     system, n, p, M, x, y = draw(rng)
     steps = int(rng.integers(1, M + 6))
@@ -63,7 +65,14 @@ def test_constrained_window_equals_verbatim_and_model_based(seed):
     rho, mu = rng.uniform(0.6, 0.98), 10 ** rng.uniform(-1, 2)
     prior = np.clip(truth[0] + 0.5 * rng.standard_normal(n), truth.min(0), truth.max(0))
     estimator = ddmhe.DdMhe(
-        ddmhe.History(x, y), M, rho, mu, x_prior=prior, x_bounds=x_bounds, v_bounds=v_bounds, space=ddmhe.Exact()
+        ddmhe.History(x, y),
+        M,
+        rho,
+        mu,
+        x_prior=prior,
+        x_bounds=x_bounds,
+        v_bounds=v_bounds,
+        space=ddmhe.Exact(),
     )
     past = [prior]
     for sample in outputs:
@@ -89,7 +98,9 @@ def test_the_boxes_of_the_comparison_do_bind():
         system, n, _, M, x, y = draw(rng)
         _, clean = system.simulate(rng.standard_normal(n), M)
         outputs = clean + rng.uniform(-0.3, 0.3, clean.shape)
-        estimator = ddmhe.DdMhe(ddmhe.History(x, y), M, 0.9, 1.0, v_bounds=(-0.3, 0.3), space=ddmhe.Exact())
+        estimator = ddmhe.DdMhe(
+            ddmhe.History(x, y), M, 0.9, 1.0, v_bounds=(-0.3, 0.3), space=ddmhe.Exact()
+        )
         log = estimator.run(outputs)
         binding += bool((log.active > 0).any())
     assert binding >= 20
@@ -122,7 +133,13 @@ def test_missing_outputs_equal_least_squares_without_them(seed):
     estimator = ddmhe.DdMhe(ddmhe.History(x, y), M, rho, mu, x_prior=prior, space=ddmhe.Exact())
     for sample in outputs:
         estimate = estimator.step(sample)
-    A_k, o_k, rows, values, weights = np.eye(n), np.zeros(n), [np.eye(n)], [prior], [np.full(n, 2 * rho**M)]
+    A_k, o_k, rows, values, weights = (
+        np.eye(n),
+        np.zeros(n),
+        [np.eye(n)],
+        [prior],
+        [np.full(n, 2 * rho**M)],
+    )
     for k, sample in enumerate(outputs):
         seen = np.isfinite(sample)
         rows.append((system.C @ A_k)[seen])
@@ -137,18 +154,27 @@ def test_missing_outputs_equal_least_squares_without_them(seed):
 
 @pytest.mark.parametrize("seed", range(8))
 def test_ridge_weight_is_that_of_the_printed_problem(seed):
-    """Ridge(w) minimises (17) + w‖α‖² over α with 1ᵀα = 1: checked by solving for α itself, at every depth.
+    """Ridge(w) minimises (17) + w‖α‖² over α with 1ᵀα = 1: checked by solving for α itself, at
+    every depth.
 
-    The data are two noisy recordings, so every window counts, and windows across the seam would show.
-    """
+    The data are two noisy recordings, so every window counts, and windows across the seam would
+    show."""
     rng = np.random.default_rng(seed)
     n, p, M = 2, 2, 6
     system = random_system(rng, n, p)
     recordings = []
     for T in (30, 9):
         x, y = system.simulate(rng.standard_normal(n) * 3, T)
-        recordings.append((x + 0.1 * rng.standard_normal(x.shape), y + 0.1 * rng.standard_normal(y.shape)))
-    outputs, prior, rho, mu, weight = rng.standard_normal((M, p)), rng.standard_normal(n), 0.8, 2.0, 0.7
+        recordings.append(
+            (x + 0.1 * rng.standard_normal(x.shape), y + 0.1 * rng.standard_normal(y.shape))
+        )
+    outputs, prior, rho, mu, weight = (
+        rng.standard_normal((M, p)),
+        rng.standard_normal(n),
+        0.8,
+        2.0,
+        0.7,
+    )
     history = ddmhe.History.concat([ddmhe.History(x, y) for x, y in recordings])
     estimator = ddmhe.DdMhe(history, M, rho, mu, x_prior=prior, space=ddmhe.Ridge(weight))
     for depth in range(1, M + 1):
@@ -157,7 +183,11 @@ def test_ridge_weight_is_that_of_the_printed_problem(seed):
         H_y = np.hstack([hankel(y, depth) for _, y in recordings])
         N, seen = H_y.shape[1], outputs[:depth].ravel()
         noise = np.repeat(mu * rho ** np.arange(depth - 1, -1, -1.0), p)
-        hessian = 2 * rho**depth * H_x[:n].T @ H_x[:n] + H_y.T @ (noise[:, None] * H_y) + weight * np.eye(N)
+        hessian = (
+            2 * rho**depth * H_x[:n].T @ H_x[:n]
+            + H_y.T @ (noise[:, None] * H_y)
+            + weight * np.eye(N)
+        )
         gradient = 2 * rho**depth * H_x[:n].T @ prior + H_y.T @ (noise * seen)
         kkt = np.block([[hessian, np.ones((N, 1))], [np.ones((1, N)), np.zeros((1, 1))]])
         alpha = np.linalg.solve(kkt, np.append(gradient, 1.0))[:N]
@@ -167,10 +197,14 @@ def test_ridge_weight_is_that_of_the_printed_problem(seed):
 
 @pytest.mark.parametrize("seed", range(8))
 def test_exact_space_of_a_noisy_recording_takes_the_least_norm_alpha(seed):
-    """More directions than the cost sees: among the minimisers the shortest α, here by a pseudo-inverse."""
+    """More directions than the cost sees: among the minimisers the shortest α, here by a
+    pseudo-inverse."""
     rng = np.random.default_rng(seed)
     n, p, M, T = 2, 1, 4, 30
-    x, y = rng.standard_normal((T + 1, n)), rng.standard_normal((T, p))  # no model fits: every window is possible
+    x, y = (
+        rng.standard_normal((T + 1, n)),
+        rng.standard_normal((T, p)),
+    )  # no model fits: every window is possible
     outputs, prior, rho, mu = rng.standard_normal((M, p)), rng.standard_normal(n), 0.8, 2.0
     estimator = ddmhe.DdMhe(ddmhe.History(x, y), M, rho, mu, x_prior=prior, space=ddmhe.Exact())
     for sample in outputs:
@@ -185,7 +219,8 @@ def test_exact_space_of_a_noisy_recording_takes_the_least_norm_alpha(seed):
 
 @pytest.mark.parametrize("seed", range(40))
 def test_active_bounds_leave_the_least_norm_to_the_minimisers_of_the_cost(seed):
-    """A noisy recording, more directions than the cost sees, active bounds: cost first, then ‖α‖, proved over α."""
+    """A noisy recording, more directions than the cost sees, active bounds: cost first, then ‖α‖,
+    proved over α."""
     rng = np.random.default_rng(seed)
     n, p, M = int(rng.integers(1, 4)), int(rng.integers(1, 3)), int(rng.integers(2, 8))
     system = random_system(rng, n, p)
@@ -197,7 +232,14 @@ def test_active_bounds_leave_the_least_norm_to_the_minimisers_of_the_cost(seed):
     v_bounds = None if seed % 2 else (np.full(p, -0.2), np.full(p, 0.2))
     rho, mu, prior = rng.uniform(0.7, 0.95), 10 ** rng.uniform(-1, 2), np.clip(truth[0], *x_bounds)
     estimator = ddmhe.DdMhe(
-        ddmhe.History(x, y), M, rho, mu, x_prior=prior, x_bounds=x_bounds, v_bounds=v_bounds, space=ddmhe.Exact()
+        ddmhe.History(x, y),
+        M,
+        rho,
+        mu,
+        x_prior=prior,
+        x_bounds=x_bounds,
+        v_bounds=v_bounds,
+        space=ddmhe.Exact(),
     )
     past, bound = [prior], 0
     for k, sample in enumerate(outputs, 1):
@@ -218,7 +260,8 @@ def test_active_bounds_leave_the_least_norm_to_the_minimisers_of_the_cost(seed):
 
 
 def test_history_center_is_the_affine_pseudo_inverse():
-    """x_c = H_x H_y† y in affine form: with a box of zero width around it, the window must be x_c itself."""
+    """x_c = H_x H_y† y in affine form: with a box of zero width around it, the window must be x_c
+    itself."""
     rng = np.random.default_rng(0)
     system = random_system(rng, 3, 2)
     x, y = system.simulate(rng.standard_normal(3) * 3, 40)
@@ -227,11 +270,19 @@ def test_history_center_is_the_affine_pseudo_inverse():
     outputs = clean + 0.1 * rng.standard_normal(clean.shape)
     width = 1e-9
     estimator = ddmhe.DdMhe(
-        ddmhe.History(x, y), M, 0.9, 1.0, x_bounds=(-width, width), x_center="history", space=ddmhe.Exact()
+        ddmhe.History(x, y),
+        M,
+        0.9,
+        1.0,
+        x_bounds=(-width, width),
+        x_center="history",
+        space=ddmhe.Exact(),
     )
     for sample in outputs:
         estimate = estimator.step(sample)
     H_x, H_y = hankel(x, M + 1), hankel(y, M)
     c_x, c_y = H_x.mean(1, keepdims=True), H_y.mean(1, keepdims=True)
-    expected = c_x[:, 0] + (H_x - c_x) @ np.linalg.pinv(H_y - c_y, rcond=1e-10) @ (outputs.ravel() - c_y[:, 0])
+    expected = c_x[:, 0] + (H_x - c_x) @ np.linalg.pinv(H_y - c_y, rcond=1e-10) @ (
+        outputs.ravel() - c_y[:, 0]
+    )
     assert np.allclose(estimate.window.ravel(), expected, atol=1e-7)

@@ -29,7 +29,10 @@ from ddmhe.reproduce.claims import cases, holds_for, verdict
 from ddmhe.reproduce.experiments import COLORS
 from ddmhe.reproduce.montecarlo import Trial, Trials, estimates
 
-DATA = Path(os.environ.get("DDMHE_DATA", Path(__file__).parents[3] / "shared" / "data")) / "repoimu-pendulum"
+DATA = (
+    Path(os.environ.get("DDMHE_DATA", Path(__file__).parents[3] / "shared" / "data"))
+    / "repoimu-pendulum"
+)
 
 
 def run(*arguments, program=("-m", "ddmhe")):
@@ -39,7 +42,11 @@ def run(*arguments, program=("-m", "ddmhe")):
 
 def table(path):
     """Cells of the claims by (source, claim)."""
-    rows = [line.split(" | ") for line in path.read_text(encoding="utf-8").splitlines() if line.count(" | ") == 5]
+    rows = [
+        line.split(" | ")
+        for line in path.read_text(encoding="utf-8").splitlines()
+        if line.count(" | ") == 5
+    ]
     return {(row[0].removeprefix("| "), row[1]): row[2:] for row in rows}
 
 
@@ -52,7 +59,9 @@ main()
 
 
 @pytest.mark.parametrize(
-    "program", [["-c", FEW_SEEDS], pytest.param(["-m", "ddmhe"], marks=pytest.mark.long)], ids=["few seeds", "all"]
+    "program",
+    [["-c", FEW_SEEDS], pytest.param(["-m", "ddmhe"], marks=pytest.mark.long)],
+    ids=["few seeds", "all"],
 )
 def test_one_experiment_leaves_figures_series_and_claims(tmp_path, program):
     done = run("bench-both", "--out", tmp_path, program=program)
@@ -67,7 +76,9 @@ def test_one_experiment_leaves_figures_series_and_claims(tmp_path, program):
     family = pd.read_csv(tmp_path / "bench-both-family.csv")
     assert len(family) == len(bench.FAMILY)
     # the verdict again, from the family's series
-    claim = table(tmp_path / "claims.md")["IV-A2, Fig. 5", "With noise and disturbance Dd-KMHE deviates unacceptably"]
+    claim = table(tmp_path / "claims.md")[
+        "IV-A2, Fig. 5", "With noise and disturbance Dd-KMHE deviates unacceptably"
+    ]
     kicks = family["kick"].str.removesuffix(" rad/s").astype(float)
     counted = int((family[f"{bench.KMHE}: RMSE later"] > 0.5 * kicks).sum())
     assert claim[1].startswith(f"{counted} of {len(bench.FAMILY)} benches")
@@ -76,7 +87,8 @@ def test_one_experiment_leaves_figures_series_and_claims(tmp_path, program):
 
 
 def test_the_numbers_of_algorithm_2(tmp_path):
-    """Rank 5 of (44), 0.4614 as an output and not as a certificate, and the numbers that no bench decides."""
+    """Rank 5 of (44), 0.4614 as an output and not as a certificate, and the numbers that no bench
+    decides."""
     done = run("design", "--out", tmp_path)
     assert done.returncode == 0, done.stderr
     rows = table(tmp_path / "claims.md")
@@ -93,11 +105,15 @@ def test_the_numbers_of_algorithm_2(tmp_path):
     assert meaning[2] == "**does not hold**"
     for symbol in ("ρ0", "μ0"):
         assert rows["IV-A2, Algorithm 2", f"{symbol} of the bench"][2] == "**cannot be checked**"
-    assert rows["A-B3, Algorithm 2", "ρ0 and μ0 are properties of the system"][2] == "**does not hold**"
+    assert (
+        rows["A-B3, Algorithm 2", "ρ0 and μ0 are properties of the system"][2]
+        == "**does not hold**"
+    )
 
 
 def test_no_gain_of_an_affordable_brake_gives_the_printed_pair():
-    """|A| ≤ √(ρ0/6) + √(μ0/6)|C|: the bound of the claim by a search over gains, with C just below and above it."""
+    """|A| ≤ √(ρ0/6) + √(μ0/6)|C|: the bound of the claim by a search over gains, with C just below
+    and above it."""
     rho0, mu0 = 1.2705e-19, 3.3307e-14
     A, most = 1 - 0.01, np.sqrt(mu0 / 6)  # |L| ≤ √(μ0/6)
     least = (A - np.sqrt(rho0 / 6)) / most
@@ -108,11 +124,19 @@ def test_no_gain_of_an_affordable_brake_gives_the_printed_pair():
 
 
 def test_the_rank_of_44_needs_the_rounding_of_the_differences():
-    """Rank 5 at every sampling time; C has rank 2, so a sixth direction is rounding (3e-31 in 60 digits)."""
+    """Rank 5 at every sampling time; C has rank 2, so a sixth direction is rounding (3e-31 in 60
+    digits)."""
     for dt in (0.1, 0.5, 1.0):
         record = ddmhe.models.detumbling().simulate(20.0, dt)
-        assert ddmhe.design.pole_placement(ddmhe.History(record.x, record.y[:-1], dt=dt), attempts=1).rank == 5
-    noisy = record.y[:-1] + 1e-9 * np.random.default_rng(0).standard_normal((20, 3))  # of 5 N·m: no rounding
+        assert (
+            ddmhe.design.pole_placement(
+                ddmhe.History(record.x, record.y[:-1], dt=dt), attempts=1
+            ).rank
+            == 5
+        )
+    noisy = record.y[:-1] + 1e-9 * np.random.default_rng(0).standard_normal(
+        (20, 3)
+    )  # of 5 N·m: no rounding
     assert ddmhe.design.pole_placement(ddmhe.History(record.x, noisy, dt=1.0), attempts=1).rank == 6
 
 
@@ -155,7 +179,8 @@ def test_an_estimator_that_raises_is_reported_as_failed():
 
 
 def test_a_seed_of_the_bench_is_what_the_module_says():
-    """The kick speeds the target up by 4 rad/s between 1.5 and 1.6 s; noise is 25 times larger from 1.5 to 2 s."""
+    """The kick speeds the target up by 4 rad/s between 1.5 and 1.6 s; noise is 25 times larger from
+    1.5 to 2 s."""
     calm, kicked = bench.trial(0), bench.trial(0, disturbed=True)
     before, after = calm.t <= 1.5, calm.t > 1.6
     np.testing.assert_array_equal(calm.x[before], kicked.x[before])
@@ -163,13 +188,16 @@ def test_a_seed_of_the_bench_is_what_the_module_says():
     quiet, loud = (bench.trial(1, noisy=noisy) for noisy in (False, True))
     model = ddmhe.models.spin_down()
     during = (quiet.t > 1.51) & (quiet.t <= 2.0)
-    torque = model.output(np.vstack([quiet.x[:1], quiet.x[:-1]]))  # y(t-1) belongs to the estimate at t
+    torque = model.output(
+        np.vstack([quiet.x[:1], quiet.x[:-1]])
+    )  # y(t-1) belongs to the estimate at t
     assert np.std((loud.y - torque)[during]) == pytest.approx(5e-3, rel=0.3)
     assert np.std((quiet.y - torque)[during]) == pytest.approx(2e-4, rel=0.3)
 
 
 def test_the_3_dof_case_with_a_clean_recording_gives_the_errors_known_from_elsewhere():
-    """An independent prototype: paper's weights .35/.49/.85, affine ESKF .040/.16/1.11, linear ESKF 100 s 1.0 deg/s."""
+    """An independent prototype: paper's weights .35/.49/.85, affine ESKF .040/.16/1.11, linear ESKF
+    100 s 1.0 deg/s."""
     trials = Trials([satellite.trial(seed, 0.01, 0.0) for seed in range(3)])
 
     def errors(name):
@@ -182,17 +210,26 @@ def test_the_3_dof_case_with_a_clean_recording_gives_the_errors_known_from_elsew
 
 
 def test_the_counterexample_to_25_31_and_34_in_exact_arithmetic():
-    """The window y(3..5) and the prior x̂(3) = x(3) = 0 by rational normal equations, under all of the conditions."""
+    """The window y(3..5) and the prior x̂(3) = x(3) = 0 by rational normal equations, under all of
+    the conditions."""
     F = Fraction
     rho, mu, M, C = F(1, 20), F(6), 3, F(1000)
     A = [[F(1), F(10)], [F(0), F(1)]]
 
     def times(X, Y):
-        return [[sum(a * b for a, b in zip(row, column, strict=True)) for column in zip(*Y, strict=True)] for row in X]
+        return [
+            [
+                sum(a * b for a, b in zip(row, column, strict=True))
+                for column in zip(*Y, strict=True)
+            ]
+            for row in X
+        ]
 
     # A + L C = 0 with L = -A/1000, and 6 λmax(LᵀL) ≤ 6 trace(LᵀL) ≤ μ; 4ρ^M < 1; 6 ≤ μ
     gain = [[-a / C for a in row] for row in A]
-    assert all(a + C * g == 0 for ra, rg in zip(A, gain, strict=True) for a, g in zip(ra, rg, strict=True))
+    assert all(
+        a + C * g == 0 for ra, rg in zip(A, gain, strict=True) for a, g in zip(ra, rg, strict=True)
+    )
     assert 6 * sum(g * g for row in gain for g in row) <= mu
     assert 4 * rho**M < 1
     x = [[[F(0)], [F(0)]]]
@@ -200,7 +237,11 @@ def test_the_counterexample_to_25_31_and_34_in_exact_arithmetic():
         step = times(A, x[-1])
         x.append([step[0], [step[1][0] + (k == 4)]])
     # minimise 2ρ³|z|² + Σ_j ρ^{j-1} μ C² |A^{3-j} z - x(6-j)|² over z = x̂(3)
-    power, normal, right = [[F(1), F(0)], [F(0), F(1)]], [[2 * rho**M, F(0)], [F(0), 2 * rho**M]], [F(0), F(0)]
+    power, normal, right = (
+        [[F(1), F(0)], [F(0), F(1)]],
+        [[2 * rho**M, F(0)], [F(0), 2 * rho**M]],
+        [F(0), F(0)],
+    )
     terms = []
     for age in (3, 2, 1):
         weight = rho ** (age - 1) * mu * C**2
@@ -229,7 +270,8 @@ def test_the_counterexample_to_25_31_and_34_in_exact_arithmetic():
 
 
 def test_one_step_is_19():
-    """The smallest eigenvalue decides (19): compared with the inequality at random differences, both ways."""
+    """The smallest eigenvalue decides (19): compared with the inequality at random differences,
+    both ways."""
     rng = np.random.default_rng(0)
     A, C = np.array([[0.3, 0.1], [0.0, 0.2]]), np.eye(2)
     for rho, mu in ((0.9, 6.0), (0.9, 1.5), (0.05, 0.1)):
@@ -251,7 +293,8 @@ def test_lemma_1_needs_its_row_of_ones():
 
 
 def test_the_sign_of_48():
-    """Positive definite it never is; negative definite for poles inside, not for poles outside of the disc."""
+    """Positive definite it never is; negative definite for poles inside, not for poles outside of
+    the disc."""
     A = np.array([[0.5, 0.2], [0.0, -0.3]])
     low, high = theory.region_sign(A, 0.9, np.eye(2))
     assert low < high < 0
@@ -301,18 +344,23 @@ def test_no_bench_alone_refutes():
 
 
 def test_a_bench_on_which_statements_of_iv_a_hold_at_once():
-    """Decay 5 s, C = 5e-4 N·m·s, noise × 3: the filter ignores noise, misses 2.41 of 4 rad/s; Dd-KMHE drifts away."""
+    """Decay 5 s, C = 5e-4 N·m·s, noise × 3: the filter ignores noise, misses 2.41 of 4 rad/s;
+    Dd-KMHE drifts away."""
     other = bench.Bench(5.0, 5e-4, 3.0, 4.0)
     assert other in bench.FAMILY
     runs = {
-        kind: Trials([bench.trial(seed, bench=other, names=bench.JUDGED, **given) for seed in range(4)])
+        kind: Trials(
+            [bench.trial(seed, bench=other, names=bench.JUDGED, **given) for seed in range(4)]
+        )
         for kind, given in {
             "noise": {"noisy": True},
             "disturbance": {"disturbed": True},
             "both": {"noisy": True, "disturbed": True},
         }.items()
     }
-    assert np.median(runs["disturbance"].rms(bench.ESKF, *bench.AFTER)) == pytest.approx(2.41, abs=0.05)
+    assert np.median(runs["disturbance"].rms(bench.ESKF, *bench.AFTER)) == pytest.approx(
+        2.41, abs=0.05
+    )
     held = {
         statement.claim: statement.judge(other, runs[kind])
         for kind in runs
@@ -332,7 +380,10 @@ def test_a_bench_on_which_statements_of_iv_a_hold_at_once():
 
 def test_the_centres_of_kmhe_are_drawn_for_every_seed():
     history = ddmhe.History(np.linspace(1, 2, 51)[:, None] ** 2, np.linspace(1, 2, 50)[:, None])
-    a, b = (bench.estimators(history, bench.NOMINAL, np.ones(1), 1e5, seed)[bench.KMHE]().centres for seed in (0, 1))
+    a, b = (
+        bench.estimators(history, bench.NOMINAL, np.ones(1), 1e5, seed)[bench.KMHE]().centres
+        for seed in (0, 1)
+    )
     assert np.abs(a - b).max() > 0.01
 
 
@@ -343,7 +394,9 @@ def test_the_box_is_about_the_history_window():
     x = one.history[1]
     y = record.y + 2e-4 * np.random.default_rng(0).standard_normal(record.y.shape)
     m = 20
-    windows = np.array([np.concatenate([y[k : k + m, 0], x[k : k + m + 1, 0]]) for k in range(50 - m + 1)]).T
+    windows = np.array(
+        [np.concatenate([y[k : k + m, 0], x[k : k + m + 1, 0]]) for k in range(50 - m + 1)]
+    ).T
     scale = np.concatenate([np.full(m, y[:50].std()), np.full(m + 1, x.std())])
     windows = windows / scale[:, None]
     mean = windows.mean(axis=1)
@@ -361,7 +414,11 @@ def test_the_figure_starts_with_the_history_and_shows_the_box_where_it_acts(acts
     kept = bench.trial(0, names=(bench.MHE,))
     one = dataclasses.replace(kept, active=np.full(250, int(acts)))
     figure = trials_figure(
-        Trials([one, one]), names=("omega",), quantity="speed (rad/s)", colors={bench.MHE: COLORS[bench.MHE]}, band=1.0
+        Trials([one, one]),
+        names=("omega",),
+        quantity="speed (rad/s)",
+        colors={bench.MHE: COLORS[bench.MHE]},
+        band=1.0,
     )
     above = figure.axes[0]
     first, *_ = (line for line in above.lines if line.get_color() == "0.2")
@@ -385,13 +442,24 @@ def test_claims_are_a_table(tmp_path):
 
 
 def test_every_experiment_of_the_contract_is_there():
-    wanted = {"bench-nominal", "bench-noise", "bench-disturbance", "bench-both", "bench-mu", "detumbling", "design"}
+    wanted = {
+        "bench-nominal",
+        "bench-noise",
+        "bench-disturbance",
+        "bench-both",
+        "bench-mu",
+        "detumbling",
+        "design",
+    }
     assert wanted <= set(EXPERIMENTS)
 
 
-@pytest.mark.skipif(not DATA.is_dir(), reason="no measured logs: set DDMHE_DATA to the directory of data sets")
+@pytest.mark.skipif(
+    not DATA.is_dir(), reason="no measured logs: set DDMHE_DATA to the directory of data sets"
+)
 def test_measured_logs(tmp_path):
-    """Two logs through the command; the defaults' score against an independent reading with pandas."""
+    """Two logs through the command; the defaults' score against an independent reading with
+    pandas."""
     paths = sorted(DATA.glob("*.csv"))[:2]
     for path in paths:
         (tmp_path / path.name).symlink_to(path)
@@ -417,7 +485,9 @@ def test_the_interval_paper_has_its_verdicts(tmp_path):
     done = run("pendulum", "--out", tmp_path)
     assert done.returncode == 0, done.stderr
     names = {path.name for path in tmp_path.iterdir()}
-    figures = {f"pendulum{kind}.{end}" for kind in ("-fig1", "-fig2", "-widths") for end in ("png", "svg")}
+    figures = {
+        f"pendulum{kind}.{end}" for kind in ("-fig1", "-fig2", "-widths") for end in ("png", "svg")
+    }
     assert names == figures | {"pendulum.csv", "pendulum-widths.csv", "claims.md", "tables.md"}
     rows = {claim: cells[2] for (_, claim), cells in table(tmp_path / "claims.md").items()}
     assert rows["The design (42) gives this gain"] == "**holds**"
@@ -432,8 +502,14 @@ def test_the_interval_paper_has_its_verdicts(tmp_path):
 
 
 def test_where_the_printed_phi_0_comes_from():
-    """V0 = eᵀPe at e = (0.1, 1) with P = [[15.2664, -.9930], [·, .12834]], μ = 31.505 and λ = .5, by hand."""
-    P, mu, mu_w, e = np.array([[15.2664, -0.9930], [-0.9930, 0.12834]]), 31.5052, 15.7526, np.array([0.1, 1.0])
+    """V0 = eᵀPe at e = (0.1, 1) with P = [[15.2664, -.9930], [·, .12834]], μ = 31.505 and λ = .5,
+    by hand."""
+    P, mu, mu_w, e = (
+        np.array([[15.2664, -0.9930], [-0.9930, 0.12834]]),
+        31.5052,
+        15.7526,
+        np.array([0.1, 1.0]),
+    )
     level = e @ P @ e
     assert level == pytest.approx(0.0824, abs=2e-4)
     phi = (mu * (0.5 * level + mu_w * (2 * 0.006**2 + 0.001**2))) ** 0.5
@@ -449,7 +525,8 @@ def test_the_statements_of_the_interval_paper_by_independent_arithmetic():
     apart, outside = interval_theory.equality(50)
     assert apart < 1e-14
     assert outside <= 0
-    # (24): P = γI with γ = 1/√(2λ) satisfies (22) for Ã = 0: V⁺ = γ‖w‖² ≤ (1-λ)V + γ‖w‖²; (23): λγ·2γ = 1
+    # (24): P = γI with γ = 1/√(2λ) satisfies (22) for Ã = 0: V⁺ = γ‖w‖² ≤ (1-λ)V + γ‖w‖²; (23):
+    # λγ·2γ = 1
     gamma = 1 / (2 * 0.9) ** 0.5
     product = 2 * 0.9 * gamma**2
     assert product == pytest.approx(1.0)
@@ -473,7 +550,9 @@ def test_figures_1_and_2_start_at_k_0():
         for name in (pendulum.PRINTED_BALL, pendulum.BALL, pendulum.ZONOTOPE)
     )
     late = 31.5052 * 15.7526 * (2 * 0.006**2 + 0.01**2)
-    assert ball == pytest.approx([((1.15**2 - late) / 2**k + late) ** 0.5 for k in (1, 2, 3)], rel=1e-3)
+    assert ball == pytest.approx(
+        [((1.15**2 - late) / 2**k + late) ** 0.5 for k in (1, 2, 3)], rel=1e-3
+    )
     assert zonotope == pytest.approx([1.792, 0.961, 0.546], abs=0.01)
     assert (ball < zonotope).all()
     assert (sound > zonotope).all()
@@ -488,23 +567,39 @@ class _Raising:
 
 
 def test_only_numbers_out_of_bounds_count_as_diverged():
-    """A wrong shape, a wrong argument or a fault of the code is an error, not an estimator that diverged."""
+    """A wrong shape, a wrong argument or a fault of the code is an error, not an estimator that
+    diverged."""
     from ddmhe.baselines import ErrorStateKalman
     from ddmhe.reproduce.montecarlo import estimates
 
     rng = np.random.default_rng(0)
-    history, Y = ddmhe.History(rng.standard_normal((41, 2)), rng.standard_normal((40, 1))), np.zeros((9, 1))
+    history, Y = (
+        ddmhe.History(rng.standard_normal((41, 2)), rng.standard_normal((40, 1))),
+        np.zeros((9, 1)),
+    )
     wild = ErrorStateKalman(history, Q=1.0, R=1e300)
     wild.A *= 1e90
-    found = estimates({"wild": lambda: wild, "lost": lambda: _Raising(np.linalg.LinAlgError("singular"))}, Y, 2)
+    found = estimates(
+        {"wild": lambda: wild, "lost": lambda: _Raising(np.linalg.LinAlgError("singular"))}, Y, 2
+    )
     assert np.isnan(found["wild"][-1]).all()
     assert np.isnan(found["lost"]).all()
     for make, kind in (
         (lambda: ddmhe.DdMhe(history, horizon=0), ddmhe.DdmheError),
         (lambda: _Raising(ValueError("operands could not be broadcast together")), ValueError),
         (lambda: _Raising(ddmhe.ShapeError("Y: expected 2 columns")), ddmhe.ShapeError),
-        (lambda: ErrorStateKalman(ddmhe.History(rng.standard_normal((41, 2)), np.zeros((40, 3)))), ddmhe.ShapeError),
-        (lambda: ErrorStateKalman(ddmhe.History(rng.standard_normal((41, 3)), np.zeros((40, 1)))), ddmhe.ShapeError),
+        (
+            lambda: ErrorStateKalman(
+                ddmhe.History(rng.standard_normal((41, 2)), np.zeros((40, 3)))
+            ),
+            ddmhe.ShapeError,
+        ),
+        (
+            lambda: ErrorStateKalman(
+                ddmhe.History(rng.standard_normal((41, 3)), np.zeros((40, 1)))
+            ),
+            ddmhe.ShapeError,
+        ),
     ):
         with pytest.raises(kind):
             estimates({"wrong": make}, Y, 2)

@@ -83,7 +83,8 @@ def test_contradictions_name_both(given, words):
 
 @pytest.mark.parametrize("x_noise", [0.0, 0.01])
 def test_an_oscillator_from_an_unknown_state(x_noise):
-    """From the last recorded state the error is of the size of the motion, from an unknown one of that of the noise."""
+    """From the last recorded state the error is of the size of the motion, from an unknown one of
+    that of the noise."""
     errors, from_last = [], []
     for seed in range(3):
         h, (x, y) = recorded(seed, x_noise=x_noise), oscillator([-0.8, 1.0], 200, 0.01, 100 + seed)
@@ -109,7 +110,9 @@ def test_the_first_estimate_is_the_minimiser_with_the_spread_as_prior():
     P = 10 * (cov + 1e-9 * np.trace(cov) / 2 * np.eye(2))
     windows = np.column_stack([x[:-1], y, x[1:]])
     c = windows.mean(axis=0)
-    _, _, V = np.linalg.svd((windows - c) / np.array([s_x, s_x, s_y, s_x, s_x]), full_matrices=False)
+    _, _, V = np.linalg.svd(
+        (windows - c) / np.array([s_x, s_x, s_y, s_x, s_x]), full_matrices=False
+    )
     basis = (V[:2] * np.array([s_x, s_x, s_y, s_x, s_x])).T
     # scaled cost in units of s_x²: μ' σ_v² ‖x(0) - x̄‖² over P (user's units), μ' = μ s_y²/s_x²
     mu_scaled = mu * s_y**2 / s_x**2
@@ -129,7 +132,9 @@ def test_a_snapshot_goes_on_at_every_time_of_an_unknown_start():
         for est in (ddmhe.DdMhe(h, 12, start="unknown"), ddmhe.DdMhe(h, 12, start="recording")):
             est.reset(start="unknown")
             est.run(y[:k])
-            np.testing.assert_array_equal(ddmhe.DdMhe.restore(est.snapshot()).run(y[k:]).x, expected[k:])
+            np.testing.assert_array_equal(
+                ddmhe.DdMhe.restore(est.snapshot()).run(y[k:]).x, expected[k:]
+            )
 
 
 def test_tune_keeps_the_start_apart():

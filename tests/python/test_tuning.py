@@ -13,7 +13,10 @@ from ddmhe.reproduce import pendulum_task
 from ddmhe.surrogate import Surrogate
 from reference import random_system
 
-DATA = Path(os.environ.get("DDMHE_DATA", Path(__file__).parents[3] / "shared" / "data")) / "repoimu-pendulum"
+DATA = (
+    Path(os.environ.get("DDMHE_DATA", Path(__file__).parents[3] / "shared" / "data"))
+    / "repoimu-pendulum"
+)
 
 
 def detumbling(noise=0.01, seed=1, sigma_x=0.0):
@@ -33,7 +36,8 @@ LENGTHS = [80, pytest.param(200, marks=pytest.mark.long)]
 
 @pytest.fixture(scope="module", params=LENGTHS)
 def first(request):
-    """A recording and its tuning, for what compares it with another one; short, and as long as that of `tuned`."""
+    """A recording and its tuning, for what compares it with another one; short, and as long as that
+    of `tuned`."""
     x, y = detumbling()[0].recordings[0]
     history = ddmhe.History(x[: request.param + 1], y[: request.param], dt=0.1)
     return history, ddmhe.tune(history)
@@ -67,13 +71,16 @@ def test_the_table_ranks_what_was_tried(tuned):
 
 
 def test_the_scores_are_those_of_estimators_fitted_by_hand(tuned):
-    """Row by row: fit on three quarters as two recordings, estimate the fourth, relative to the spread."""
+    """Row by row: fit on three quarters as two recordings, estimate the fourth, relative to the
+    spread."""
     history, _ = detumbling()
     (x, y) = history.recordings[0]
     for row in (0, 5, 20):
         for q in (1, 2):
             a, z = 50 * q, 50 * (q + 1)
-            rest = ddmhe.History.concat([ddmhe.History(x[z:], y[z:]), ddmhe.History(x[: a + 1], y[:a])])
+            rest = ddmhe.History.concat(
+                [ddmhe.History(x[z:], y[z:]), ddmhe.History(x[: a + 1], y[:a])]
+            )
             estimator = ddmhe.DdMhe(rest, **tuned.candidates[row], start="recording")
             error = estimator.run(y[a:z]).x - x[a + 1 : z + 1]
             relative = np.sqrt(np.mean(np.mean(error**2, axis=0) / x.var(axis=0)))
@@ -94,7 +101,9 @@ def test_another_rounding_makes_no_other_choice(first):
     signs = np.random.default_rng(0).choice([-1.0, 1.0], x.shape)
     again = ddmhe.tune(ddmhe.History(np.nextafter(x, np.inf * signs), y, dt=0.1))
     stable = tuned.table["spectral radius"] <= 1.005
-    assert again.table["rated"][stable].to_numpy() == pytest.approx(tuned.table["rated"][stable].to_numpy(), abs=1e-5)
+    assert again.table["rated"][stable].to_numpy() == pytest.approx(
+        tuned.table["rated"][stable].to_numpy(), abs=1e-5
+    )
     assert (again.horizon, str(again.space)) == (tuned.horizon, str(tuned.space))
 
 
@@ -111,7 +120,8 @@ def test_units_do_not_matter(first):
 
 
 def test_stated_output_noise_is_part_of_the_validation(first):
-    """A hundred times the recorded noise: the held-out errors grow, and more smoothing is chosen or tied."""
+    """A hundred times the recorded noise: the held-out errors grow, and more smoothing is chosen or
+    tied."""
     history, tuned = first
     noisy = ddmhe.tune(history, output_noise=1.0)
     assert noisy.score > tuned.score + 0.5
@@ -119,17 +129,22 @@ def test_stated_output_noise_is_part_of_the_validation(first):
 
 
 def test_a_known_rest_is_taken_where_it_helps():
-    """A brake whose torque bends over: the known rest tells where the motion goes, the recording does not."""
+    """A brake whose torque bends over: the known rest tells where the motion goes, the recording
+    does not."""
     speed = np.linspace(0.0, 100.0, 60)
     curve = ddmhe.models.TorqueCurve(speed, 60.0 * 2 * (speed / 80) / (1 + (speed / 80) ** 2))
-    record = ddmhe.models.spin_down(omega_0=60.0, inertia=0.6, torque_curve=curve).simulate(4.5, 0.01, noise=0.5)
+    record = ddmhe.models.spin_down(omega_0=60.0, inertia=0.6, torque_curve=curve).simulate(
+        4.5, 0.01, noise=0.5
+    )
     x = record.x[:51] + 0.1 * np.random.default_rng(0).standard_normal((51, 1))
     history = ddmhe.History(x, record.y[:50], dt=0.01)
     with_rest = ddmhe.tune(history, equilibrium=([0.0], [0.0]))
     assert set(with_rest.table["equilibrium"]) == {True, False}
 
     def error(settings):
-        return np.sqrt(np.mean((ddmhe.DdMhe(history, **settings).run(record.y[50:-1]).x - record.x[51:]) ** 2))
+        return np.sqrt(
+            np.mean((ddmhe.DdMhe(history, **settings).run(record.y[50:-1]).x - record.x[51:]) ** 2)
+        )
 
     assert "equilibrium" in with_rest.settings
     assert "rest was chosen" in with_rest.words
@@ -137,7 +152,8 @@ def test_a_known_rest_is_taken_where_it_helps():
 
 
 def test_the_surrogate_is_the_system_where_that_is_quadratic():
-    """Euler's equations by forward Euler are quadratic: fitted to 20 s, the surrogate predicts the next 80 s to five
+    """Euler's equations by forward Euler are quadratic: fitted to 20 s, the surrogate predicts the
+    next 80 s to five
     per cent."""
     history, _ = detumbling(noise=0.0)
     (x, y) = history.recordings[0]
@@ -159,12 +175,16 @@ def test_drawn_motions_fit_the_recording_and_spread_beyond():
     drawn = [surrogate.motion(surrogate.draw(np.random.default_rng(k)), 300)[0] for k in range(8)]
     inside = [np.sqrt(np.mean((d[:201] - x) ** 2)) for d in drawn]
     assert np.median(inside) < 1.1e-3  # the noise, and little more
-    beyond, within = np.std([d[300] for d in drawn], axis=0), np.std([d[100] for d in drawn], axis=0)
+    beyond, within = (
+        np.std([d[300] for d in drawn], axis=0),
+        np.std([d[100] for d in drawn], axis=0),
+    )
     assert (beyond > 3 * within).any()
 
 
 def test_hidden_states_are_not_rehearsed():
-    """A pendulum of which only the rate was recorded: the quarters alone decide, and the words say so."""
+    """A pendulum of which only the rate was recorded: the quarters alone decide, and the words say
+    so."""
     record = ddmhe.models.pendulum().simulate(12.0, 0.05)
     history = ddmhe.History(record.x[:201, 1:], record.x[:200, 1:] ** 2, dt=0.05)
     tuned = ddmhe.tune(history)
@@ -185,7 +205,8 @@ def test_several_recordings():
 
 
 def linear(seed, noise=0.0, T=120):
-    """A recording of a random linear system with its state, and what follows; noise relative to the spread."""
+    """A recording of a random linear system with its state, and what follows; noise relative to the
+    spread."""
     rng = np.random.default_rng([seed, 11])
     x, y = random_system(rng, 2, 1).simulate(rng.standard_normal(2), 2 * T)
     y = y + noise * y.std(axis=0) * rng.standard_normal(y.shape)
@@ -203,13 +224,21 @@ def test_the_default_rule_is_kept_bit_for_bit_where_nothing_is_shown(recorded):
     assert tuned.ratio.tolist() == [1.0, 1.0]
     for start in ({}, {"start": tuned.start}):
         expected = ddmhe.DdMhe(history, **start).run(outputs).x
-        np.testing.assert_array_equal(ddmhe.DdMhe(history, **tuned.settings, **start).run(outputs).x, expected)
+        np.testing.assert_array_equal(
+            ddmhe.DdMhe(history, **tuned.settings, **start).run(outputs).x, expected
+        )
     default = ddmhe.DdMhe(history)
-    assert (tuned.horizon, tuned.rho, tuned.mu, tuned.space) == (default.horizon, default.rho, default.mu, "auto")
+    assert (tuned.horizon, tuned.rho, tuned.mu, tuned.space) == (
+        default.horizon,
+        default.rho,
+        default.mu,
+        "auto",
+    )
 
 
 def test_the_default_rule_is_left_where_another_setting_is_better_beyond_doubt():
-    """A slow oscillator recorded almost without noise: the default rule would trust outputs that are noisy later."""
+    """A slow oscillator recorded almost without noise: the default rule would trust outputs that
+    are noisy later."""
     A = 0.997 * np.array([[np.cos(0.15), -np.sin(0.15)], [np.sin(0.15), np.cos(0.15)]])
     x = np.array([np.linalg.matrix_power(A, k) @ [1.0, 0.5] for k in range(201)])
     for seed in (0, 1):
@@ -224,21 +253,32 @@ def test_the_default_rule_is_left_where_another_setting_is_better_beyond_doubt()
         assert "was left" in tuned.words
 
         def error(settings, history=history, y=y, start=tuned.start):
-            return np.sqrt(np.mean((ddmhe.DdMhe(history, **settings, start=start).run(y[100:-1]).x - x[101:]) ** 2))
+            return np.sqrt(
+                np.mean(
+                    (ddmhe.DdMhe(history, **settings, start=start).run(y[100:-1]).x - x[101:]) ** 2
+                )
+            )
 
         assert error(tuned.settings) < 0.5 * error({})
         assert (tuned.ratio < 0.6).all()
 
 
-@pytest.mark.skipif(not DATA.is_dir(), reason="no measured logs: set DDMHE_DATA to the directory of data sets")
+@pytest.mark.skipif(
+    not DATA.is_dir(), reason="no measured logs: set DDMHE_DATA to the directory of data sets"
+)
 @pytest.mark.parametrize("stated", [True, False])
-@pytest.mark.parametrize("which", [slice(9, 16, 6), pytest.param(slice(None), marks=pytest.mark.long)])
+@pytest.mark.parametrize(
+    "which", [slice(9, 16, 6), pytest.param(slice(None), marks=pytest.mark.long)]
+)
 def test_no_measured_pendulum_is_worse_than_with_the_defaults(stated, which):
-    """Logs 9 and 15: all four quarters prefer a short window by a third, and it loses afterwards."""
+    """Logs 9 and 15: all four quarters prefer a short window by a third, and it loses
+    afterwards."""
     for path in sorted(DATA.glob("*.csv"))[which]:
         task = pendulum_task(path)
         ((x, y),) = task.history.recordings
-        history = ddmhe.History(x, y, **({"x_units": "rad/s", "y_units": "m/s^2"} if stated else {}))
+        history = ddmhe.History(
+            x, y, **({"x_units": "rad/s", "y_units": "m/s^2"} if stated else {})
+        )
         tuned = ddmhe.tune(history)
         chosen, default = (
             pooled_nrmse(ddmhe.DdMhe(history, **settings).run(task.Y).x, task.x)
@@ -262,12 +302,15 @@ def test_the_promise_is_the_error_on_ends_of_the_recording():
 
 
 def test_later_errors_stay_in_the_range():
-    """Of 40 states of 20 oscillators, with and without noise that drives them; nine in ten are promised."""
+    """Of 40 states of 20 oscillators, with and without noise that drives them; nine in ten are
+    promised."""
     inside, factors = [], []
     for seed in range(20):
         rng = np.random.default_rng([seed, 4])
         T, angle, drive = (60, 100)[seed % 2], rng.uniform(0.05, 0.4), (0.0, 0.05)[seed // 2 % 2]
-        A = rng.uniform(0.985, 1.0) * np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+        A = rng.uniform(0.985, 1.0) * np.array(
+            [[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]]
+        )
         x = [rng.standard_normal(2)]
         for _ in range(2 * T):
             x.append(A @ x[-1] + drive * rng.standard_normal(2))
@@ -291,7 +334,11 @@ def test_a_recording_too_short_for_its_end_to_be_held_out_promises_nothing():
     tuned = ddmhe.tune(ddmhe.History(x, x[:-1, :1]))
     assert tuned.settings == {}
     assert "cannot tell" in tuned.words
-    assert np.isnan(tuned.promise).all() == ("No promise" in tuned.words) == (tuned.range[1] == np.inf).all()
+    assert (
+        np.isnan(tuned.promise).all()
+        == ("No promise" in tuned.words)
+        == (tuned.range[1] == np.inf).all()
+    )
 
 
 def test_errors_name_the_argument():
@@ -299,8 +346,14 @@ def test_errors_name_the_argument():
     x = np.random.default_rng(0).standard_normal((15, 1))
     cases = [
         (dict(history=x), "history: expected a History"),
-        (dict(history=ddmhe.History(x, x[:-1])), "history: expected a recording of at least 20 samples"),
-        (dict(history=history, output_noise=[1.0, 2.0]), "output_noise: expected a number or 3 numbers"),
+        (
+            dict(history=ddmhe.History(x, x[:-1])),
+            "history: expected a recording of at least 20 samples",
+        ),
+        (
+            dict(history=history, output_noise=[1.0, 2.0]),
+            "output_noise: expected a number or 3 numbers",
+        ),
         (dict(history=history, output_noise=-1.0), "output_noise: expected finite numbers"),
         (dict(history=history, equilibrium=([0.0], [0.0])), "equilibrium: expected 3 numbers"),
     ]
@@ -312,7 +365,9 @@ def test_errors_name_the_argument():
 def test_validate_checks_its_folds():
     history, _ = detumbling()
     good = (history, np.zeros(3), np.zeros((2, 3)), np.zeros((2, 3)), [1, 2], np.ones(3))
-    assert validate([good], [(0, {"horizon": 10_000})]) == [([np.inf, np.inf], np.inf)]  # too long: no error, no use
+    assert validate([good], [(0, {"horizon": 10_000})]) == [
+        ([np.inf, np.inf], np.inf)
+    ]  # too long: no error, no use
     for fold, jobs, message in (
         ((history, np.zeros(2), *good[2:]), [], "folds: expected 3 numbers"),
         ((*good[:3], np.zeros((3, 3)), [1], good[5]), [], "truth: expected 6 numbers"),
@@ -334,5 +389,7 @@ def test_the_surrogates_slope_is_that_of_its_residuals():
         slope = surrogate._jacobian(parameters)
         for k in range(0, len(parameters), 4):
             h = 1e-6 * max(abs(parameters[k]), 1e-3) * np.eye(len(parameters))[k]
-            difference = (surrogate._residuals(parameters + h) - surrogate._residuals(parameters - h)) / (2 * h[k])
+            difference = (
+                surrogate._residuals(parameters + h) - surrogate._residuals(parameters - h)
+            ) / (2 * h[k])
             assert slope[:, k] == pytest.approx(difference, abs=1e-4 * np.abs(slope[:, k]).max())

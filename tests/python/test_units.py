@@ -1,4 +1,5 @@
-"""Channels of one unit share a scale, all others have each their own: no unit of a channel decides anything."""
+"""Channels of one unit share a scale, all others have each their own: no unit of a channel decides
+anything."""
 
 import numpy as np
 import pytest
@@ -21,7 +22,11 @@ def recording(noise, n=3, p=2, T=160, seed=3):
 
 
 def run(x, y, outputs, x_units=None, y_units=None, **settings):
-    return ddmhe.DdMhe(ddmhe.History(x, y, x_units=x_units, y_units=y_units), **settings).run(outputs).x
+    return (
+        ddmhe.DdMhe(ddmhe.History(x, y, x_units=x_units, y_units=y_units), **settings)
+        .run(outputs)
+        .x
+    )
 
 
 @pytest.mark.parametrize("factor", [1e-9, 1e-3, 7.0, 1e9])
@@ -32,8 +37,27 @@ def run(x, y, outputs, x_units=None, y_units=None, **settings):
         (0.0, {}, 1e-8),
         (0.02, {}, 1e-6),
         (0.2, {}, 1e-6),
-        (0.02, {"horizon": 12, "rho": 0.9, "mu": 0.5, "weights": "scaled", "space": ddmhe.Truncated(4)}, 1e-6),
-        (0.02, {"horizon": 12, "mu": 0.5, "weights": "scaled", "space": ddmhe.Ridge(1e-4, normalised=True)}, 1e-6),
+        (
+            0.02,
+            {
+                "horizon": 12,
+                "rho": 0.9,
+                "mu": 0.5,
+                "weights": "scaled",
+                "space": ddmhe.Truncated(4),
+            },
+            1e-6,
+        ),
+        (
+            0.02,
+            {
+                "horizon": 12,
+                "mu": 0.5,
+                "weights": "scaled",
+                "space": ddmhe.Ridge(1e-4, normalised=True),
+            },
+            1e-6,
+        ),
     ],
 )
 def test_rescaling_one_channel_changes_no_estimate(noise, settings, tolerance, factor):
@@ -42,10 +66,16 @@ def test_rescaling_one_channel_changes_no_estimate(noise, settings, tolerance, f
     size = np.abs(expected).max(axis=0)
     for i in range(y.shape[1]):
         scale = np.where(np.arange(y.shape[1]) == i, factor, 1.0)
-        assert np.max(np.abs(run(x, y * scale, outputs * scale, **settings) - expected) / size) < tolerance
+        assert (
+            np.max(np.abs(run(x, y * scale, outputs * scale, **settings) - expected) / size)
+            < tolerance
+        )
     for i in range(x.shape[1]):
         scale = np.where(np.arange(x.shape[1]) == i, factor, 1.0)
-        assert np.max(np.abs(run(x * scale, y, outputs, **settings) / scale - expected) / size) < tolerance
+        assert (
+            np.max(np.abs(run(x * scale, y, outputs, **settings) / scale - expected) / size)
+            < tolerance
+        )
 
 
 @pytest.mark.parametrize("samples", [60, pytest.param(160, marks=pytest.mark.long)])
@@ -62,11 +92,14 @@ def test_tune_sees_no_units(samples):
 
 
 def test_channels_of_one_unit_share_a_scale():
-    """With common units the estimates are those of pooled scales, and a common factor changes nothing."""
+    """With common units the estimates are those of pooled scales, and a common factor changes
+    nothing."""
     x, y, outputs = recording(0.05)
     y, outputs = y * [1.0, 40.0], outputs * [1.0, 40.0]
     together = run(x, y, outputs, x_units="rad/s", y_units="V")
-    assert np.allclose(run(1e3 * x, 1e-2 * y, 1e-2 * outputs, "rad/s", "V") / 1e3, together, atol=1e-9)
+    assert np.allclose(
+        run(1e3 * x, 1e-2 * y, 1e-2 * outputs, "rad/s", "V") / 1e3, together, atol=1e-9
+    )
     assert np.allclose(run(x, y, outputs, ["rad/s"] * 3, ["V", "V"]), together, atol=0)
     assert np.abs(run(x, y, outputs, "rad/s", ["V", "mV"]) - together).max() > 1e-4
     # (17) in the units of pooled scales is what one unit means
@@ -81,7 +114,8 @@ def test_channels_of_one_unit_share_a_scale():
 
 @pytest.mark.parametrize("units", [None, "one"])
 def test_explicit_weights_mean_the_cost_as_printed(units):
-    """mu and rho in the units of x and y, whatever the scales: against (17) written down in NumPy."""
+    """mu and rho in the units of x and y, whatever the scales: against (17) written down in
+    NumPy."""
     x, y, outputs = recording(0.1)
     x, y, outputs = x * [1.0, 30.0, 0.1], y * [5.0, 0.02], outputs * [5.0, 0.02]
     M, rho, mu, weight = 6, 0.8, 3.0, 1e-2
@@ -89,10 +123,14 @@ def test_explicit_weights_mean_the_cost_as_printed(units):
     estimator = ddmhe.DdMhe(history, M, rho, mu, x_prior=x[-1], space=ddmhe.Ridge(weight))
     estimator.run(outputs[: M - 1])
     estimate = estimator.step(outputs[M - 1])
-    windows = np.array([np.r_[x[k : k + M + 1].ravel(), y[k : k + M].ravel()] for k in range(len(y) - M + 1)]).T
+    windows = np.array(
+        [np.r_[x[k : k + M + 1].ravel(), y[k : k + M].ravel()] for k in range(len(y) - M + 1)]
+    ).T
     N, n, p = windows.shape[1], 3, 2
     seen = np.r_[np.arange(n), (M + 1) * n + np.arange(M * p)]
-    root = np.sqrt(np.r_[np.full(n, 2 * rho**M), mu * np.repeat(rho ** np.arange(M - 1, -1, -1.0), p)])
+    root = np.sqrt(
+        np.r_[np.full(n, 2 * rho**M), mu * np.repeat(rho ** np.arange(M - 1, -1, -1.0), p)]
+    )
     # alpha sums to one: alpha = 1/N + delta
     basis = np.linalg.svd(np.ones((1, N)))[2][1:].T
     F = np.vstack([root[:, None] * (windows[seen] @ basis), np.sqrt(weight) * basis])
@@ -105,7 +143,8 @@ def test_explicit_weights_mean_the_cost_as_printed(units):
 
 
 def test_a_channel_that_hardly_moves_does_not_blow_up_its_noise():
-    """A constant, one up to rounding, and a little noise of the same unit beside a good output: its estimate stays."""
+    """A constant, one up to rounding, and a little noise of the same unit beside a good output: its
+    estimate stays."""
     x, y, outputs = recording(0.01, p=1)
     rng = np.random.default_rng(0)
     alone = np.sqrt(np.mean((run(x, y, outputs)) ** 2))
@@ -146,7 +185,12 @@ def test_units_of_column_names(name, unit):
 
 
 def test_shared_is_the_mean_over_a_unit():
-    assert shared(np.array([1.0, 3.0, 10.0, 20.0]), ["V", "V", "", ""]).tolist() == [2.0, 2.0, 10.0, 20.0]
+    assert shared(np.array([1.0, 3.0, 10.0, 20.0]), ["V", "V", "", ""]).tolist() == [
+        2.0,
+        2.0,
+        10.0,
+        20.0,
+    ]
 
 
 def test_units_of_a_history():

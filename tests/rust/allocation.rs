@@ -34,7 +34,13 @@ fn within(size: f64, width: usize) -> Option<Bounds> {
 fn no_path_of_a_step_allocates() {
     let none = |_: usize| false;
     assert_eq!(allocations(config(), none), (0, 0));
-    assert_eq!(allocations(Config { x_bounds: within(1e3, 4), v_bounds: within(1e3, 3), ..config() }, none), (0, 0));
+    assert_eq!(
+        allocations(
+            Config { x_bounds: within(1e3, 4), v_bounds: within(1e3, 3), ..config() },
+            none
+        ),
+        (0, 0)
+    );
     // active bounds
     let tight = Config { x_bounds: within(1e3, 4), v_bounds: within(9.5e-3, 3), ..config() };
     let (count, bound) = allocations(tight.clone(), none);
@@ -51,9 +57,17 @@ fn no_path_of_a_step_allocates() {
 
 #[test]
 fn no_step_with_an_error_bound_allocates() {
-    let identity = |size: usize| (0..size * size).map(|k| f64::from(u8::from(k % (size + 1) == 0))).collect::<Vec<_>>();
-    let certificate =
-        Certificate { P: identity(4), Q: identity(4), R: identity(3), eta: 0.9, growth: Some(1.2), model: None };
+    let identity = |size: usize| {
+        (0..size * size).map(|k| f64::from(u8::from(k % (size + 1) == 0))).collect::<Vec<_>>()
+    };
+    let certificate = Certificate {
+        P: identity(4),
+        Q: identity(4),
+        R: identity(3),
+        eta: 0.9,
+        growth: Some(1.2),
+        model: None,
+    };
     let disturbance = Disturbance { initial: 1.0, w: 0.01, v: 0.02 };
     let settings = Config {
         rho: None,

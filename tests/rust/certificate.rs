@@ -1,10 +1,12 @@
-//! Certificates without Python: x(t+1) = 0.9 x + 1 + w, y = 2 x + v, for which (L) can be checked by hand.
+//! Certificates without Python: x(t+1) = 0.9 x + 1 + w, y = 2 x + v, for which (L) can be checked
+//! by hand.
 
 use ddmhe_core::validation::{Fold, validate};
 use ddmhe_core::{Certificate, Config, DdMhe, Disturbance, Error, History, Model, Space};
 
 fn recorded(start: f64, steps: usize, w: f64) -> (Vec<f64>, Vec<f64>) {
-    let x: Vec<f64> = std::iter::successors(Some(start), |x| Some(0.9 * x + 1.0 + w)).take(steps + 1).collect();
+    let x: Vec<f64> =
+        std::iter::successors(Some(start), |x| Some(0.9 * x + 1.0 + w)).take(steps + 1).collect();
     let y = x[..steps].iter().map(|x| 2.0 * x).collect();
     (x, y)
 }
@@ -14,9 +16,17 @@ fn history() -> History {
     History::new(1, 1, &x, &y, 0.1).expect("a valid recording")
 }
 
-/// (0.9 d - w)² ≤ 0.5 d² + 2 w² + R (2 d)² holds when 0.81 + 0.81 ≤ 0.5 + 4 R: R = 0.28 by (a - b)² ≤ 2a² + 2b².
+/// (0.9 d - w)² ≤ 0.5 d² + 2 w² + R (2 d)² holds when 0.81 + 0.81 ≤ 0.5 + 4 R: R = 0.28 by (a - b)²
+/// ≤ 2a² + 2b².
 fn certificate() -> Certificate {
-    Certificate { P: vec![1.0], Q: vec![2.0], R: vec![0.28], eta: 0.5, growth: Some(0.9), model: None }
+    Certificate {
+        P: vec![1.0],
+        Q: vec![2.0],
+        R: vec![0.28],
+        eta: 0.5,
+        growth: Some(0.9),
+        model: None,
+    }
 }
 
 /// An estimator over exact trajectories whose steps carry a bound.
@@ -43,7 +53,11 @@ fn errors_stay_below_the_bound_also_through_lost_outputs() {
     let mut mhe = bounded(6.0, certificate(), Disturbance { initial: 1.0, w: 0.1, v: 0.2 });
     let (truth, outputs) = recorded(5.0, 40, 0.1);
     for (t, y) in outputs.iter().enumerate() {
-        let y = if (10..13).contains(&t) { f64::NAN } else { y + 0.2 * if t % 3 == 0 { 1.0 } else { -1.0 } };
+        let y = if (10..13).contains(&t) {
+            f64::NAN
+        } else {
+            y + 0.2 * if t % 3 == 0 { 1.0 } else { -1.0 }
+        };
         let estimate = mhe.step(&[y]).expect("a valid output");
         let error = (estimate.x[0] - truth[t + 1]).abs();
         let bound = estimate.bound.expect("a bound");
@@ -60,7 +74,11 @@ fn a_constant_output_error_is_in_the_bound() {
     for (t, y) in outputs.iter().enumerate() {
         let estimate = mhe.step(&[y + 0.2]).expect("a valid output");
         let error = (estimate.x[0] - truth[t + 1]).abs();
-        assert!(estimate.bound.is_some_and(|bound| error <= bound), "step {t}: {error} > {:?}", estimate.bound);
+        assert!(
+            estimate.bound.is_some_and(|bound| error <= bound),
+            "step {t}: {error} > {:?}",
+            estimate.bound
+        );
     }
 }
 
@@ -74,11 +92,18 @@ fn a_noisy_recording_without_a_model_leaves_no_bound() {
     let mut mhe = DdMhe::new(&noisy, config.clone()).expect("a valid configuration");
     assert!(mhe.warnings().iter().any(|w| w.contains("no error bound is given")));
     assert_eq!(mhe.step(&[1.0]).expect("a step").bound, None);
-    let model =
-        |e: Vec<f64>, r: Vec<f64>| Model { A: vec![0.9], e, C: vec![2.0], r, identified: false, uncertainty: None };
+    let model = |e: Vec<f64>, r: Vec<f64>| Model {
+        A: vec![0.9],
+        e,
+        C: vec![2.0],
+        r,
+        identified: false,
+        uncertainty: None,
+    };
     for (model, bounded) in [(model(vec![1.0], vec![0.0]), true), (model(vec![], vec![]), false)] {
         let certificate = Some(Certificate { model: Some(model), ..certificate() });
-        let mhe = DdMhe::new(&noisy, Config { certificate, ..config.clone() }).expect("a valid configuration");
+        let mhe = DdMhe::new(&noisy, Config { certificate, ..config.clone() })
+            .expect("a valid configuration");
         assert_eq!(mhe.is_bounded(), bounded);
     }
 }
@@ -97,7 +122,10 @@ fn without_growth_a_lost_output_leaves_no_bound_until_it_has_left_the_window() {
 fn a_certificate_excludes_scalar_weights_and_short_horizons() {
     let with = |config: Config| DdMhe::new(&history(), config).err();
     let base = Config { certificate: Some(certificate()), ..Config::default() };
-    assert!(matches!(with(Config { rho: Some(0.9), ..base.clone() }), Some(Error::Value { argument: "rho", .. })));
+    assert!(matches!(
+        with(Config { rho: Some(0.9), ..base.clone() }),
+        Some(Error::Value { argument: "rho", .. })
+    ));
     assert!(matches!(
         with(Config { horizon: Some(2), ..base.clone() }),
         Some(Error::Value { argument: "horizon", .. })
@@ -121,10 +149,14 @@ fn validation_scores_what_run_gives() {
     let config = Config { horizon: Some(4), mu: Some(1e-3), ..Config::default() };
     let jobs = [(0, config.clone()), (0, Config { horizon: Some(99), ..config.clone() })];
     let scores = validate(&[fold], &jobs, &mut |_| false).expect("valid folds");
-    let scores: Vec<_> = scores.into_iter().map(|score| score.expect("nothing stopped it")).collect();
-    let mut mhe = DdMhe::new(&history(), Config { x_prior: Some(vec![4.0]), ..config }).expect("a valid configuration");
+    let scores: Vec<_> =
+        scores.into_iter().map(|score| score.expect("nothing stopped it")).collect();
+    let mut mhe = DdMhe::new(&history(), Config { x_prior: Some(vec![4.0]), ..config })
+        .expect("a valid configuration");
     let log = mhe.run(&outputs).expect("valid outputs");
-    let mean = |span: usize| (0..span).map(|k| ((log.x[k] - truth[k + 1]) / 0.5).powi(2)).sum::<f64>() / span as f64;
+    let mean = |span: usize| {
+        (0..span).map(|k| ((log.x[k] - truth[k + 1]) / 0.5).powi(2)).sum::<f64>() / span as f64
+    };
     // the scores come from the linear map of the window, another order of the same sums
     for (score, span) in scores[0].errors.iter().zip([5, 20]) {
         assert!((score - mean(span)).abs() <= 1e-13 * mean(span), "{score} {}", mean(span));

@@ -16,9 +16,18 @@ fn rejected(config: Config) -> Error {
 
 #[test]
 fn sizes_that_do_not_fit() {
-    assert!(matches!(History::new(2, 1, &[0.0; 7], &[0.0; 3], 0.1), Err(Error::Shape { argument: "x", .. })));
-    assert!(matches!(History::new(2, 1, &[0.0; 6], &[0.0; 3], 0.1), Err(Error::Shape { argument: "x", .. })));
-    assert!(matches!(History::new(0, 1, &[], &[0.0; 3], 0.1), Err(Error::Shape { argument: "x", .. })));
+    assert!(matches!(
+        History::new(2, 1, &[0.0; 7], &[0.0; 3], 0.1),
+        Err(Error::Shape { argument: "x", .. })
+    ));
+    assert!(matches!(
+        History::new(2, 1, &[0.0; 6], &[0.0; 3], 0.1),
+        Err(Error::Shape { argument: "x", .. })
+    ));
+    assert!(matches!(
+        History::new(0, 1, &[], &[0.0; 3], 0.1),
+        Err(Error::Shape { argument: "x", .. })
+    ));
     assert!(matches!(
         DdMhe::new(&history(), Config::default()).unwrap().step(&[1.0]),
         Err(Error::Shape { argument: "y", .. })
@@ -52,7 +61,10 @@ fn settings_out_of_range() {
             Error::Value { argument: "rho", .. }
         ));
     }
-    assert!(matches!(rejected(Config { mu: Some(-1.0), ..Config::default() }), Error::Value { argument: "mu", .. }));
+    assert!(matches!(
+        rejected(Config { mu: Some(-1.0), ..Config::default() }),
+        Error::Value { argument: "mu", .. }
+    ));
     assert!(matches!(
         rejected(Config { horizon: Some(0), ..Config::default() }),
         Error::Value { argument: "horizon", .. }
@@ -82,7 +94,10 @@ fn what_is_not_there_is_an_error() {
     let signal = [0.0; 6];
     assert!(matches!(BlockHankel::new(&signal, 0, 2), Err(Error::Value { argument: "width", .. })));
     assert!(matches!(BlockHankel::new(&signal, 2, 0), Err(Error::Value { argument: "depth", .. })));
-    assert!(matches!(BlockHankel::new(&signal, 4, 1), Err(Error::Shape { argument: "signal", .. })));
+    assert!(matches!(
+        BlockHankel::new(&signal, 4, 1),
+        Err(Error::Shape { argument: "signal", .. })
+    ));
     let H = BlockHankel::new(&signal, 2, 2).unwrap();
     assert!(H.col(1).is_ok());
     for k in [2, usize::MAX] {

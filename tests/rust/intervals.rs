@@ -5,7 +5,8 @@ use ddmhe_core::{Error, Interval, IntervalObserver, Reduction, Zonotope};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-const REDUCTIONS: [Reduction; 4] = [Reduction::Paper, Reduction::Girard, Reduction::Combastel, Reduction::Pca];
+const REDUCTIONS: [Reduction; 4] =
+    [Reduction::Paper, Reduction::Girard, Reduction::Combastel, Reduction::Pca];
 
 fn numbers(rng: &mut ChaCha8Rng, len: usize) -> Vec<f64> {
     (0..len).map(|_| rng.random_range(-1.0..1.0)).collect()
@@ -30,7 +31,11 @@ fn sample(rng: &mut ChaCha8Rng, z: &Zonotope) -> Vec<f64> {
     let corner: bool = rng.random();
     let mut x = z.center().to_vec();
     for g in z.generators().chunks_exact(n) {
-        let xi: f64 = if corner { [-1.0, 1.0][usize::from(rng.random::<bool>())] } else { rng.random_range(-1.0..1.0) };
+        let xi: f64 = if corner {
+            [-1.0, 1.0][usize::from(rng.random::<bool>())]
+        } else {
+            rng.random_range(-1.0..1.0)
+        };
         x.iter_mut().zip(g).for_each(|(x, g)| *x += xi * g);
     }
     x
@@ -48,10 +53,12 @@ fn points_of_a_set_stay_in_its_reductions_images_and_sums() {
             let z = random_zonotope(&mut rng, n, 3 * n + 9);
             let other = random_zonotope(&mut rng, n, 5);
             let A = numbers(&mut rng, 2 * n);
-            let wide: Vec<Interval> = A.iter().map(|&a| Interval { lo: a - 0.1, hi: a + 0.2 }).collect();
+            let wide: Vec<Interval> =
+                A.iter().map(|&a| Interval { lo: a - 0.1, hi: a + 0.2 }).collect();
             let (image, sum) = (z.linear_map(&A).unwrap(), z.minkowski_sum(&other).unwrap());
             let mapped = z.interval_map(&wide).unwrap();
-            let reduced: Vec<Zonotope> = REDUCTIONS.iter().map(|&m| z.reduce(q, m).unwrap()).collect();
+            let reduced: Vec<Zonotope> =
+                REDUCTIONS.iter().map(|&m| z.reduce(q, m).unwrap()).collect();
             for r in &reduced {
                 assert!(r.count() <= q);
             }
@@ -63,7 +70,8 @@ fn points_of_a_set_stay_in_its_reductions_images_and_sums() {
                     assert!(r.interval_hull().iter().zip(&x).all(|(h, &x)| h.contains(x)));
                 }
                 assert!(image.contains(&matrix_vector(&A, &x)).unwrap());
-                let inner: Vec<f64> = A.iter().map(|a| a - 0.1 + 0.3 * rng.random::<f64>()).collect();
+                let inner: Vec<f64> =
+                    A.iter().map(|a| a - 0.1 + 0.3 * rng.random::<f64>()).collect();
                 assert!(mapped.contains(&matrix_vector(&inner, &x)).unwrap());
                 let total: Vec<f64> = x.iter().zip(&w).map(|(a, b)| a + b).collect();
                 assert!(sum.contains(&total).unwrap());
@@ -103,7 +111,8 @@ fn flat_sets_and_the_volume_of_a_box() {
     assert!(line.contains(&[0.5, 0.5]).unwrap() && !line.contains(&[0.5, 0.499]).unwrap());
     let point = Zonotope::new(vec![1.0], vec![]).unwrap();
     assert!(point.contains(&[1.0]).unwrap() && !point.contains(&[1.1]).unwrap());
-    let cube = Zonotope::new(vec![0.0; 3], vec![1.0, 0.0, 0.0, 0.0, 2.0, 0.0, 0.0, 0.0, 3.0]).unwrap();
+    let cube =
+        Zonotope::new(vec![0.0; 3], vec![1.0, 0.0, 0.0, 0.0, 2.0, 0.0, 0.0, 0.0, 3.0]).unwrap();
     assert!((cube.volume().unwrap() - 48.0).abs() < 1e-12);
 }
 
@@ -130,28 +139,47 @@ fn pendulum(method: Method, reduction: Reduction) -> IntervalObserver<Pendulum> 
         ..Gain::default()
     };
     let options = Options { order: 20, method, reduction };
-    IntervalObserver::new(Pendulum { gain: 0.065 }, system, gain, &[0.98, 0.02], &[0.1, 1.0], options).unwrap()
+    IntervalObserver::new(
+        Pendulum { gain: 0.065 },
+        system,
+        gain,
+        &[0.98, 0.02],
+        &[0.1, 1.0],
+        options,
+    )
+    .unwrap()
 }
 
 #[test]
 fn the_pendulum_stays_inside_and_lost_samples_only_widen() {
-    for (method, reduction) in
-        [(Method::Paper, Reduction::Paper), (Method::Tight, Reduction::Girard), (Method::Tight, Reduction::Pca)]
-    {
+    for (method, reduction) in [
+        (Method::Paper, Reduction::Paper),
+        (Method::Tight, Reduction::Girard),
+        (Method::Tight, Reduction::Pca),
+    ] {
         let mut rng = ChaCha8Rng::seed_from_u64(2);
         for trial in 0..300 {
             let mut observer = pendulum(method, reduction);
-            let mut x = [0.98 + 0.1 * rng.random_range(-1.0..1.0), 0.02 + rng.random_range(-1.0..1.0)];
+            let mut x =
+                [0.98 + 0.1 * rng.random_range(-1.0..1.0), 0.02 + rng.random_range(-1.0..1.0)];
             for k in 0..60 {
                 let lost = trial % 3 == 0 && rng.random_bool(0.2);
                 let y = if lost { f64::NAN } else { x[0] + 0.1 * rng.random_range(-0.01..0.01) };
                 let now = x;
-                let w = [0.006 * f64::from(rng.random_range(-1..=1)), rng.random_range(-0.006..0.006)];
+                let w =
+                    [0.006 * f64::from(rng.random_range(-1..=1)), rng.random_range(-0.006..0.006)];
                 x = [x[0] + 0.065 * x[1] + w[0], x[1] - 0.065 * x[0].sin() + w[1]];
                 let e = observer.step(&[y], &[]).unwrap();
-                let held = |set: &[Interval], x: &[f64; 2]| set.iter().zip(x).all(|(s, &x)| s.contains(x));
-                assert!(held(&e.predicted, &x) && held(&e.filtered, &now), "{method:?} trial {trial} step {k}");
-                assert!(held(&e.ball, &x) && held(&e.ellipsoid, &x), "{method:?} trial {trial} step {k}");
+                let held =
+                    |set: &[Interval], x: &[f64; 2]| set.iter().zip(x).all(|(s, &x)| s.contains(x));
+                assert!(
+                    held(&e.predicted, &x) && held(&e.filtered, &now),
+                    "{method:?} trial {trial} step {k}"
+                );
+                assert!(
+                    held(&e.ball, &x) && held(&e.ellipsoid, &x),
+                    "{method:?} trial {trial} step {k}"
+                );
                 assert!(k % 7 > 0 || e.zonotope().contains(&x).unwrap());
             }
         }
@@ -161,18 +189,24 @@ fn the_pendulum_stays_inside_and_lost_samples_only_widen() {
 #[test]
 fn a_sample_that_the_bounds_exclude_is_an_error_and_changes_nothing() {
     for method in [Method::Paper, Method::Tight] {
-        let (mut observer, mut other) = (pendulum(method, Reduction::Girard), pendulum(method, Reduction::Girard));
+        let (mut observer, mut other) =
+            (pendulum(method, Reduction::Girard), pendulum(method, Reduction::Girard));
         for k in 0..5 {
             let y = [1.0 - 0.002 * f64::from(k * k)];
             assert_eq!(observer.step(&y, &[]).unwrap(), other.step(&y, &[]).unwrap());
         }
         match observer.step(&[3.0], &[]) {
-            Err(Error::ModelViolation { step: 5, state: 0, gap, .. }) => assert!(gap > 1.0 && gap < 2.5, "{gap}"),
+            Err(Error::ModelViolation { step: 5, state: 0, gap, .. }) => {
+                assert!(gap > 1.0 && gap < 2.5, "{gap}")
+            }
             found => panic!("{found:?}"),
         }
         assert_eq!(observer.step(&[0.95], &[]).unwrap(), other.step(&[0.95], &[]).unwrap());
         observer.reset();
-        assert_eq!(observer.step(&[1.0], &[]).unwrap(), pendulum(method, Reduction::Girard).step(&[1.0], &[]).unwrap());
+        assert_eq!(
+            observer.step(&[1.0], &[]).unwrap(),
+            pendulum(method, Reduction::Girard).step(&[1.0], &[]).unwrap()
+        );
     }
 }
 
@@ -206,9 +240,17 @@ fn dynamics_of_ones_own_without_a_peak_to_peak_bound() {
         r: vec![0.7],
     };
     let unknown = f64::INFINITY;
-    let gain =
-        Gain { L: vec![0.2], P: vec![1.0], lambda: 0.5, gamma: unknown, mu_w: unknown, mu_v: unknown, weights: vec![] };
-    let mut observer = IntervalObserver::new(Bell, system, gain, &[0.0], &[2.0], Options::default()).unwrap();
+    let gain = Gain {
+        L: vec![0.2],
+        P: vec![1.0],
+        lambda: 0.5,
+        gamma: unknown,
+        mu_w: unknown,
+        mu_v: unknown,
+        weights: vec![],
+    };
+    let mut observer =
+        IntervalObserver::new(Bell, system, gain, &[0.0], &[2.0], Options::default()).unwrap();
     let mut rng = ChaCha8Rng::seed_from_u64(3);
     let mut x = 1.9_f64;
     for k in 0..500 {
@@ -235,7 +277,8 @@ fn the_peak_to_peak_bound_is_what_its_formula_says() {
         observer.step(&[x[0]], &[]).unwrap();
         x = [x[0] + 0.065 * x[1], x[1] - 0.065_f64 * x[0].sin()];
     }
-    let (P, lambda, gamma, mu): ([f64; 3], f64, f64, f64) = ([15.2664, -0.9930, 0.12834], 0.5, 15.76, 15.76);
+    let (P, lambda, gamma, mu): ([f64; 3], f64, f64, f64) =
+        ([15.2664, -0.9930, 0.12834], 0.5, 15.76, 15.76);
     let v0 = P[0] * 0.01 + P[2] + 2.0 * P[1].abs() * 0.1;
     let power = 2.0 * 0.006_f64.powi(2) + 0.01_f64.powi(2);
     let fade = (1.0 - lambda).powi(7);
@@ -250,9 +293,11 @@ fn the_peak_to_peak_bound_is_what_its_formula_says() {
 #[test]
 fn bounds_that_outgrow_all_numbers_are_all_numbers() {
     // x⁺ = 30 x unobserved: after some 200 samples no float holds it; that is not a contradiction
-    for (method, reduction) in
-        [(Method::Paper, Reduction::Paper), (Method::Tight, Reduction::Girard), (Method::Tight, Reduction::Pca)]
-    {
+    for (method, reduction) in [
+        (Method::Paper, Reduction::Paper),
+        (Method::Tight, Reduction::Girard),
+        (Method::Tight, Reduction::Pca),
+    ] {
         let system = System {
             A: vec![30.0, 1.0, 0.0, 0.5],
             C: vec![0.0, 1.0],
@@ -274,7 +319,8 @@ fn bounds_that_outgrow_all_numbers_are_all_numbers() {
             ..Gain::default()
         };
         let options = Options { order: 6, method, reduction };
-        let mut observer = IntervalObserver::new(Linear, system, gain, &[1.0, 1.0], &[0.1, 0.1], options).unwrap();
+        let mut observer =
+            IntervalObserver::new(Linear, system, gain, &[1.0, 1.0], &[0.1, 0.1], options).unwrap();
         for k in 0..600 {
             // lost samples keep (41), which this gain does not satisfy, out of it
             let y = if k % 2 == 0 { f64::NAN } else { 0.0 };

@@ -4,7 +4,13 @@ use crate::systems::{modes, noise};
 use ddmhe_core::{Bounds, Config, DdMhe, Space, Status};
 
 fn config(horizon: usize) -> Config {
-    Config { horizon: Some(horizon), rho: Some(0.9), mu: Some(10.0), space: Space::Exact, ..Config::default() }
+    Config {
+        horizon: Some(horizon),
+        rho: Some(0.9),
+        mu: Some(10.0),
+        space: Space::Exact,
+        ..Config::default()
+    }
 }
 
 fn distance(a: &[f64], b: &[f64]) -> f64 {
@@ -20,7 +26,9 @@ fn noise_free_states_are_recovered() {
         let history = system.record(&noise(1, n, 2.0), 60);
         // longer than the memory that the window slides through
         let (truth, outputs) = system.simulate(&noise(2, n, 2.0), 200);
-        let mut mhe = DdMhe::new(&history, Config { x_prior: Some(truth[..n].to_vec()), ..config(20) }).unwrap();
+        let mut mhe =
+            DdMhe::new(&history, Config { x_prior: Some(truth[..n].to_vec()), ..config(20) })
+                .unwrap();
         assert_eq!(mhe.settings().rank, n);
         let log = mhe.run(&outputs).unwrap();
         assert!(distance(&log.x, &truth[n..]) < 1e-10);
@@ -55,7 +63,8 @@ fn a_box_that_misses_the_answer_changes_it_and_raises_the_cost() {
     let system = modes(1);
     let history = system.record(&[1.0, 0.5], 40);
     let (truth, outputs) = system.simulate(&[1.0, 0.5], 10);
-    let (mut free, mut boxed) = (DdMhe::new(&history, config(10)).unwrap(), DdMhe::new(&history, config(10)).unwrap());
+    let (mut free, mut boxed) =
+        (DdMhe::new(&history, config(10)).unwrap(), DdMhe::new(&history, config(10)).unwrap());
     free.run(&outputs[..18]).unwrap();
     boxed.run(&outputs[..18]).unwrap();
     let hi = vec![truth[20] - 0.1, f64::INFINITY];
@@ -82,7 +91,8 @@ fn a_snapshot_continues_with_the_same_numbers() {
     assert_eq!(again.run(&outputs[15 * p..]).unwrap(), mhe.run(&outputs[15 * p..]).unwrap());
 }
 
-/// Also how the answer was reached: the active bounds that a step starts from are part of a snapshot.
+/// Also how the answer was reached: the active bounds that a step starts from are part of a
+/// snapshot.
 #[test]
 fn every_step_of_a_restored_estimator_is_the_same_step() {
     let system = modes(2);
@@ -104,7 +114,8 @@ fn every_step_of_a_restored_estimator_is_the_same_step() {
     assert!(bound > 30 && unchanged > 3, "{bound} {unchanged}");
 }
 
-/// A window with a lost output has another Hessian, or is another problem: nothing of its factor may reach the next window.
+/// A window with a lost output has another Hessian, or is another problem: nothing of its factor
+/// may reach the next window.
 #[test]
 fn a_lost_output_that_has_left_the_window_leaves_nothing_behind() {
     let system = modes(2);
@@ -116,8 +127,11 @@ fn a_lost_output_that_has_left_the_window_leaves_nothing_behind() {
     (40..44).for_each(|k| outputs[k * p] = f64::NAN);
     for size in [0.2, 0.5, 1.0, 2.0] {
         let bounds = |width: usize| Some(Bounds { lo: vec![-size; width], hi: vec![size; width] });
-        let settings =
-            Config { x_bounds: bounds(n), space: Space::Truncated { rank: Some(8), tol: None }, ..config(10) };
+        let settings = Config {
+            x_bounds: bounds(n),
+            space: Space::Truncated { rank: Some(8), tol: None },
+            ..config(10)
+        };
         let mut mhe = DdMhe::new(&history, settings).unwrap();
         let mut active = 0;
         for (k, y) in outputs.chunks(p).enumerate() {

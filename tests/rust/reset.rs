@@ -1,4 +1,5 @@
-//! A reset estimator is a new one, bit for bit, whatever came before; a copy and a restored one go on as the original does.
+//! A reset estimator is a new one, bit for bit, whatever came before; a copy and a restored one go
+//! on as the original does.
 
 use crate::systems::{modes, noise};
 use ddmhe_core::{Bounds, Center, Certificate, Config, DdMhe, Disturbance, History, Space, Start};
@@ -13,19 +14,44 @@ fn within(size: f64, width: usize) -> Option<Bounds> {
 
 /// Every kind of state that a running estimator has.
 fn configs() -> Vec<Config> {
-    let plain = Config { horizon: Some(DEPTH), rho: Some(0.9), mu: Some(10.0), ..Config::default() };
-    let identity = |size: usize| (0..size * size).map(|k| f64::from(u8::from(k % (size + 1) == 0))).collect::<Vec<_>>();
-    let certificate =
-        Certificate { P: identity(4), Q: identity(4), R: identity(3), eta: 0.8, growth: Some(1.2), model: None };
+    let plain =
+        Config { horizon: Some(DEPTH), rho: Some(0.9), mu: Some(10.0), ..Config::default() };
+    let identity = |size: usize| {
+        (0..size * size).map(|k| f64::from(u8::from(k % (size + 1) == 0))).collect::<Vec<_>>()
+    };
+    let certificate = Certificate {
+        P: identity(4),
+        Q: identity(4),
+        R: identity(3),
+        eta: 0.8,
+        growth: Some(1.2),
+        model: None,
+    };
     let disturbance = Some(Disturbance { initial: 1.0, w: 0.01, v: 0.1 });
     vec![
         plain.clone(),
         Config { x_bounds: within(2.0, 4), v_bounds: within(0.1, 3), ..plain.clone() },
         Config { x_bounds: within(0.05, 4), x_center: Center::History, ..plain.clone() },
         Config { v_bounds: within(0.05, 3), start: Start::Recording, ..plain.clone() },
-        Config { v_bounds: within(0.05, 3), x_bounds: within(2.0, 4), start: Start::Unknown, ..plain.clone() },
-        Config { space: Space::Truncated { rank: Some(6), tol: None }, v_bounds: within(0.08, 3), ..plain.clone() },
-        Config { rho: None, mu: None, certificate: Some(certificate), disturbance, v_bounds: within(0.1, 3), ..plain },
+        Config {
+            v_bounds: within(0.05, 3),
+            x_bounds: within(2.0, 4),
+            start: Start::Unknown,
+            ..plain.clone()
+        },
+        Config {
+            space: Space::Truncated { rank: Some(6), tol: None },
+            v_bounds: within(0.08, 3),
+            ..plain.clone()
+        },
+        Config {
+            rho: None,
+            mu: None,
+            certificate: Some(certificate),
+            disturbance,
+            v_bounds: within(0.1, 3),
+            ..plain
+        },
     ]
 }
 
@@ -89,7 +115,8 @@ fn a_reset_estimator_is_a_new_one() {
         let fresh = DdMhe::new(&history, config.clone()).unwrap();
         let expected = seen(&mut fresh.clone(), &outputs);
         let elsewhere = noise(7, 4, 2.0);
-        let from_elsewhere = Config { x_prior: Some(elsewhere.clone()), start: Start::State, ..config };
+        let from_elsewhere =
+            Config { x_prior: Some(elsewhere.clone()), start: Start::State, ..config };
         let expected_elsewhere = seen(&mut DdMhe::new(&history, from_elsewhere).unwrap(), &outputs);
         let mut mhe = fresh.clone();
         for round in 0..40 {
@@ -126,7 +153,11 @@ fn a_copy_and_a_restored_estimator_go_on_as_the_original_does() {
             let expected = seen(&mut mhe.clone(), &outputs[..90]);
             let restored = seen(&mut DdMhe::restore(&mhe.snapshot()).unwrap(), &outputs[..90]);
             // a restored estimator has no latest estimate
-            assert_eq!(restored[1..].iter().zip(&expected[1..]).position(|(a, b)| a != b), None, "{round}");
+            assert_eq!(
+                restored[1..].iter().zip(&expected[1..]).position(|(a, b)| a != b),
+                None,
+                "{round}"
+            );
             assert_eq!(seen(&mut mhe, &outputs[..90]), expected);
         }
     }

@@ -71,7 +71,8 @@ fn cut_longer_and_foreign_bytes_are_told_apart() {
     assert_eq!(&History::from_bytes(&history).unwrap(), mhe.history());
 }
 
-/// With a checksum that fits: an error or an estimator that steps, never a panic, and no memory that the bytes do not pay for.
+/// With a checksum that fits: an error or an estimator that steps, never a panic, and no memory
+/// that the bytes do not pay for.
 #[test]
 fn hostile_content_is_harmless() {
     let mhe = running();
@@ -86,7 +87,12 @@ fn hostile_content_is_harmless() {
                 0 => hostile[at] = rng.random(),
                 1 => hostile[at] ^= 1 << rng.random_range(0..8),
                 // a length or count of up to 2^64
-                2 => drop(hostile.splice(at..=at, [0xff, 0xff, 0xff, 0xff, 0xff, 0xff, 0xff, 0xff, 0x7f, 0x01])),
+                2 => {
+                    drop(hostile.splice(
+                        at..=at,
+                        [0xff, 0xff, 0xff, 0xff, 0xff, 0xff, 0xff, 0xff, 0x7f, 0x01],
+                    ))
+                }
                 _ => hostile.truncate(at),
             }
             let hostile = sealed(hostile);
@@ -99,7 +105,12 @@ fn hostile_content_is_harmless() {
                 }
                 assert!(mhe.snapshot().len() < 2 * hostile.len() + 1000);
             });
-            assert!(used.bytes_max < 8 << 20, "{} bytes for a blob of {}", used.bytes_max, hostile.len());
+            assert!(
+                used.bytes_max < 8 << 20,
+                "{} bytes for a blob of {}",
+                used.bytes_max,
+                hostile.len()
+            );
         }
         assert!(restored == 0 || restored > 500);
     }

@@ -56,7 +56,10 @@ fn a_state_at_rest_violates_the_rank_condition() {
     let history = system.record(&start, 40);
     let report = history.rank(5).unwrap();
     assert_eq!((report.rank, report.required, report.satisfied()), (3, 5, false));
-    assert!(matches!(DdMhe::new(&history, Config { horizon: Some(5), ..Config::default() }), Err(Error::Rank { .. })));
+    assert!(matches!(
+        DdMhe::new(&history, Config { horizon: Some(5), ..Config::default() }),
+        Err(Error::Rank { .. })
+    ));
 }
 
 #[test]

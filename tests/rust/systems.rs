@@ -4,7 +4,8 @@ use ddmhe_core::History;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-/// Rotation and decay with offsets: n = 2·blocks states, one output per block and one sum of all states.
+/// Rotation and decay with offsets: n = 2·blocks states, one output per block and one sum of all
+/// states.
 pub struct System {
     pub blocks: Vec<(f64, f64)>, // radius, angle
     pub offset: f64,
@@ -52,7 +53,10 @@ impl System {
 
 /// A system of `blocks` well separated modes.
 pub fn modes(blocks: usize) -> System {
-    System { blocks: (0..blocks).map(|i| (1.0 - 0.01 * i as f64, 0.4 + 0.7 * i as f64)).collect(), offset: 0.2 }
+    System {
+        blocks: (0..blocks).map(|i| (1.0 - 0.01 * i as f64, 0.4 + 0.7 * i as f64)).collect(),
+        offset: 0.2,
+    }
 }
 
 pub fn noise(seed: u64, len: usize, size: f64) -> Vec<f64> {

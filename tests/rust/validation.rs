@@ -1,4 +1,5 @@
-//! Scores of settings are those of estimators run over the same outputs, whatever the units and the weights.
+//! Scores of settings are those of estimators run over the same outputs, whatever the units and the
+//! weights.
 
 use ddmhe_core::validation::{Fold, Score, validate};
 use ddmhe_core::{Config, DdMhe, History, Space, Start, Weighting};
@@ -46,7 +47,11 @@ fn by_run(fold: &Fold, config: &Config) -> Score {
     let log = mhe.run(&fold.outputs).unwrap();
     let n = fold.history.n();
     let square = |k: usize| ((log.x[k] - fold.truth[k]) / fold.spread[k % n]).powi(2);
-    let errors = fold.spans.iter().map(|span| (0..span * n).map(square).sum::<f64>() / (span * n) as f64).collect();
+    let errors = fold
+        .spans
+        .iter()
+        .map(|span| (0..span * n).map(square).sum::<f64>() / (span * n) as f64)
+        .collect();
     Score { errors, spectral_radius }
 }
 
@@ -55,11 +60,16 @@ fn agree(fold: &Fold, configs: &[Config]) {
     let scores = validate(std::slice::from_ref(fold), &jobs, &mut |_| false).unwrap();
     for (config, score) in configs.iter().zip(scores) {
         let (score, expected) = (score.unwrap(), by_run(fold, config));
-        // rounding times the condition of the least determined window: 1e8 at rank 4 of outputs of one unit
+        // rounding times the condition of the least determined window: 1e8 at rank 4 of outputs of
+        // one unit
         let tolerance = if matches!(config.space, Space::Truncated { .. }) { 1e-7 } else { 1e-9 };
         let pairs = score.errors.iter().zip(&expected.errors);
-        for (found, expected) in pairs.chain([(&score.spectral_radius, &expected.spectral_radius)]) {
-            assert!((found - expected).abs() <= tolerance * expected, "{found} for {expected}: {config:?}");
+        for (found, expected) in pairs.chain([(&score.spectral_radius, &expected.spectral_radius)])
+        {
+            assert!(
+                (found - expected).abs() <= tolerance * expected,
+                "{found} for {expected}: {config:?}"
+            );
         }
     }
 }
@@ -115,5 +125,8 @@ fn an_estimate_that_runs_away_scores_as_it_runs() {
         spread: vec![1.0],
         outputs,
     };
-    agree(&fold, &[1e-12, 1.0].map(|mu| Config { horizon: Some(1), mu: Some(mu), ..Config::default() }));
+    agree(
+        &fold,
+        &[1e-12, 1.0].map(|mu| Config { horizon: Some(1), mu: Some(mu), ..Config::default() }),
+    );
 }

@@ -1,18 +1,23 @@
-//! A dense dual active-set method for the least-distance problem: minimise ½‖z - z*‖² subject to lo ≤ c + A z ≤ hi.
+//! A dense dual active-set method for the least-distance problem: minimise ½‖z - z*‖² subject to lo
+//! ≤ c + A z ≤ hi.
 //!
-//! D. Goldfarb, A. Idnani, "A numerically stable dual method for solving strictly convex quadratic programs" (1983), with the
-//! identity as Hessian. It takes in the most violated row at a time while every multiplier stays at least 0; rows
-//! whose multiplier would change sign are dropped on the way. The unit normals of the active rows are kept as N = Q R.
+//! D. Goldfarb, A. Idnani, "A numerically stable dual method for solving strictly convex quadratic
+//! programs" (1983), with the identity as Hessian. It takes in the most violated row at a time
+//! while every multiplier stays at least 0; rows whose multiplier would change sign are dropped on
+//! the way. The unit normals of the active rows are kept as N = Q R.
 //!
-//! *Warm start.* The active rows stay from one call to the next, with their factor, since only z* and the bounds change. Rows
-//! whose multiplier is negative there are dropped first: what is left is optimal for its own rows, as the method needs.
+//! *Warm start.* The active rows stay from one call to the next, with their factor, since only z*
+//! and the bounds change. Rows whose multiplier is negative there are dropped first: what is left
+//! is optimal for its own rows, as the method needs.
 //!
-//! *One set, one answer.* The factor at the end is always that of taking in the active rows in the order of the list, so
-//! that an answer depends on that list alone, not on how it was reached: a saved list continues with the same numbers.
+//! *One set, one answer.* The factor at the end is always that of taking in the active rows in the
+//! order of the list, so that an answer depends on that list alone, not on how it was reached: a
+//! saved list continues with the same numbers.
 //!
-//! *Certainty.* The answer is checked against the optimality conditions, and the number of changes is bounded. That no window
-//! satisfies the bounds is said only of a combination of rows that proves it (Farkas). Whatever is not certain (nearly dependent
-//! rows, too many changes, a check that fails) is [`Outcome::Uncertain`] and left to [`way_out`](crate::way_out).
+//! *Certainty.* The answer is checked against the optimality conditions, and the number of changes
+//! is bounded. That no window satisfies the bounds is said only of a combination of rows that
+//! proves it (Farkas). Whatever is not certain (nearly dependent rows, too many changes, a check
+//! that fails) is [`Outcome::Uncertain`] and left to [`way_out`](crate::way_out).
 //!
 //! Nothing here allocates: the numbers live in the caller's memory, [`work_len`] of them.
 
@@ -47,7 +52,8 @@ impl Rows {
     /// From A and c (padded rows of zeros included) and the unit of each row.
     pub fn new(A: MatRef<'_, f64>, offset: Vec<f64>, unit: Vec<f64>) -> Self {
         let (r, stride) = (A.ncols(), A.ncols().next_multiple_of(4));
-        let lengths: Vec<f64> = (0..A.nrows()).map(|i| (0..r).map(|j| A[(i, j)].powi(2)).sum::<f64>().sqrt()).collect();
+        let lengths: Vec<f64> =
+            (0..A.nrows()).map(|i| (0..r).map(|j| A[(i, j)].powi(2)).sum::<f64>().sqrt()).collect();
         let mut normals = vec![0.0; A.nrows() * stride];
         for (i, &length) in lengths.iter().enumerate().filter(|(_, length)| **length > 0.0) {
             (0..r).for_each(|j| normals[i * stride + j] = A[(i, j)] / length);
@@ -99,18 +105,29 @@ impl Rows {
         self.inverse[row]
     }
 
-    /// The side that is violated most in units of its row's length, if any by more than the tolerance so many times.
+    /// The side that is violated most in units of its row's length, if any by more than the
+    /// tolerance so many times.
     #[inline(always)]
     fn worst(&self, w: &[f64], lo: &[f64], hi: &[f64], times: f64) -> Option<ActiveBound> {
         // lane by lane: the largest excess and the chunk of eight rows that it is in
         let (mut most, mut at) = ([0.0_f64; WIDTH], [0.0_f64; WIDTH]);
-        let chunks = w.as_chunks::<WIDTH>().0.iter().zip(lo.as_chunks::<WIDTH>().0).zip(hi.as_chunks::<WIDTH>().0);
-        let rows = self.slack.as_chunks::<WIDTH>().0.iter().zip(self.inverse.as_chunks::<WIDTH>().0);
+        let chunks = w
+            .as_chunks::<WIDTH>()
+            .0
+            .iter()
+            .zip(lo.as_chunks::<WIDTH>().0)
+            .zip(hi.as_chunks::<WIDTH>().0);
+        let rows =
+            self.slack.as_chunks::<WIDTH>().0.iter().zip(self.inverse.as_chunks::<WIDTH>().0);
         let mut chunk = 0.0;
         for (((w, lo), hi), (slack, inverse)) in chunks.zip(rows) {
             let (below, above) = (each(*lo, *w, |l, w| l - w), each(*w, *hi, |w, h| w - h));
-            let excess = each(below, above, |below, above| if below > above { below } else { above });
-            let excess = each(each(excess, *slack, |e, slack| e - slack * times), *inverse, |e, inverse| e * inverse);
+            let excess =
+                each(below, above, |below, above| if below > above { below } else { above });
+            let excess =
+                each(each(excess, *slack, |e, slack| e - slack * times), *inverse, |e, inverse| {
+                    e * inverse
+                });
             let larger = each(excess, most, |e, most| if e > most { 1.0 } else { 0.0 });
             at = each(at, larger, |at, larger| if larger > 0.0 { chunk } else { at });
             most = each(most, excess, |most, e| if e > most { e } else { most });
@@ -134,8 +151,9 @@ pub(crate) struct ActiveBound {
 #[derive(Debug, Clone, Default)]
 pub(crate) struct WorkingSet {
     pub sides: Vec<ActiveBound>,
-    /// Whether the last call's active bounds were better foretold by those before moved on with the window (a bound that was
-    /// active at a certain time) than by the same rows again (one that is active at a certain age).
+    /// Whether the last call's active bounds were better foretold by those before moved on with the
+    /// window (a bound that was active at a certain time) than by the same rows again (one that is
+    /// active at a certain age).
     pub moves: bool,
     before: Vec<ActiveBound>,
     factored: bool, // whether Q and R in memory are of these sides
@@ -162,7 +180,8 @@ impl WorkingSet {
         self.factored = false;
     }
 
-    /// To the bounds that are likely to be active next; `older` is where a row is when the window has moved on by a sample.
+    /// To the bounds that are likely to be active next; `older` is where a row is when the window
+    /// has moved on by a sample.
     pub fn predict(&mut self, older: impl Fn(usize) -> Option<usize>) {
         self.before.clone_from(&self.sides);
         if self.moves && !self.sides.is_empty() {
@@ -195,14 +214,15 @@ pub(crate) trait Windows {
 pub(crate) struct Trust {
     pub dependent: (f64, f64),
     pub multipliers: f64,
-    /// Whether z is moved back onto the active bounds before others are looked at: where z* is so far away that its digits end
-    /// above the tolerance.
+    /// Whether z is moved back onto the active bounds before others are looked at: where z* is so
+    /// far away that its digits end above the tolerance.
     pub far: bool,
 }
 
 impl Trust {
     /// Enough for an answer without a second look.
-    pub const CERTAIN: Trust = Trust { dependent: tol::DEPENDENT, multipliers: tol::MULTIPLIERS, far: false };
+    pub const CERTAIN: Trust =
+        Trust { dependent: tol::DEPENDENT, multipliers: tol::MULTIPLIERS, far: false };
     /// Whatever can be computed at all: the answer is then checked from the outside.
     pub const ANYTHING: Trust =
         Trust { dependent: (tol::PARALLEL, tol::PARALLEL), multipliers: f64::INFINITY, far: true };
@@ -253,7 +273,8 @@ impl<'a> Work<'a> {
         Work { stride, q, upper, b, u, t, n, d, rest, back }
     }
 
-    /// Qᵀn and the part of n that is orthogonal to the first k columns of Q, into `d` and `rest`; the square of its length.
+    /// Qᵀn and the part of n that is orthogonal to the first k columns of Q, into `d` and `rest`;
+    /// the square of its length.
     #[inline(always)]
     fn split(&mut self, k: usize) -> f64 {
         let s = self.stride;
@@ -343,10 +364,16 @@ impl<'a> Work<'a> {
 }
 
 impl<W: Windows> Problem<'_, W> {
-    /// Into z and its window w (both padded), starting from the kept active bounds and leaving the new ones there. z and w say nothing unless the outcome
-    /// is [`Outcome::Optimal`].
+    /// Into z and its window w (both padded), starting from the kept active bounds and leaving the
+    /// new ones there. z and w say nothing unless the outcome is [`Outcome::Optimal`].
     #[inline(always)]
-    pub fn solve(&self, kept: &mut WorkingSet, memory: &mut [f64], z: &mut [f64], w: &mut [f64]) -> Outcome {
+    pub fn solve(
+        &self,
+        kept: &mut WorkingSet,
+        memory: &mut [f64],
+        z: &mut [f64],
+        w: &mut [f64],
+    ) -> Outcome {
         let mut work = Work::new(memory, self.rows.r);
         let warm = !kept.sides.is_empty();
         let mut outcome = self.attempt(kept, &mut work, z, w);
@@ -360,8 +387,8 @@ impl<W: Windows> Problem<'_, W> {
         outcome
     }
 
-    /// From no active bounds, in memory of its own: what it found, the bounds that it held active last and their multipliers. z and w are the last
-    /// point and its window, whatever was found.
+    /// From no active bounds, in memory of its own: what it found, the bounds that it held active
+    /// last and their multipliers. z and w are the last point and its window, whatever was found.
     #[cold]
     pub fn anew(&self, z: &mut [f64], w: &mut [f64]) -> (Outcome, Vec<ActiveBound>, Vec<f64>) {
         let mut memory = vec![0.0; work_len(self.rows.r)];
@@ -372,7 +399,13 @@ impl<W: Windows> Problem<'_, W> {
     }
 
     #[inline(always)]
-    fn attempt(&self, kept: &mut WorkingSet, work: &mut Work<'_>, z: &mut [f64], w: &mut [f64]) -> Outcome {
+    fn attempt(
+        &self,
+        kept: &mut WorkingSet,
+        work: &mut Work<'_>,
+        z: &mut [f64],
+        w: &mut [f64],
+    ) -> Outcome {
         let mut changes = 0;
         let mut rotated = false; // whether the factor is another than that of the list
         let bounded = |side: &ActiveBound| self.bound(*side).is_finite();
@@ -400,9 +433,14 @@ impl<W: Windows> Problem<'_, W> {
             if kept.sides.contains(&side) {
                 return Outcome::Uncertain; // violated although active: accuracy is lost
             }
-            if let Some(outcome) =
-                self.add_constraint(side, w, &mut kept.sides, work, (&mut changes, most), &mut rotated)
-            {
+            if let Some(outcome) = self.add_constraint(
+                side,
+                w,
+                &mut kept.sides,
+                work,
+                (&mut changes, most),
+                &mut rotated,
+            ) {
                 return outcome;
             }
         }
@@ -415,7 +453,11 @@ impl<W: Windows> Problem<'_, W> {
             self.violated(&kept.sides, work, z, w);
         }
         kept.factored = true;
-        if self.verified(&kept.sides, work, w) { Outcome::Optimal(changes) } else { Outcome::Uncertain }
+        if self.verified(&kept.sides, work, w) {
+            Outcome::Optimal(changes)
+        } else {
+            Outcome::Uncertain
+        }
     }
 
     /// Takes in a violated side, dropping others where their multipliers ask for it. Some: the end.
@@ -437,7 +479,8 @@ impl<W: Windows> Problem<'_, W> {
         let missing = match self.trust.far {
             false => self.gap(side),
             true => {
-                let to_bound = side.sign * (self.bound(side) - w[side.row]) * self.rows.inverse[side.row];
+                let to_bound =
+                    side.sign * (self.bound(side) - w[side.row]) * self.rows.inverse[side.row];
                 dot(work.n, work.t) + to_bound
             }
         };
@@ -462,11 +505,16 @@ impl<W: Windows> Problem<'_, W> {
             if !dependent && ratio < self.trust.dependent.1 {
                 return Some(Outcome::Uncertain);
             }
-            let full = if dependent { f64::INFINITY } else { (missing - dot(work.n, work.t)) / length };
+            let full =
+                if dependent { f64::INFINITY } else { (missing - dot(work.n, work.t)) / length };
             if partial.is_infinite() && full.is_infinite() {
                 // n = N v with v ≤ 0: no t has Nᵀt ≥ b and nᵀt ≥ b_n unless b_n ≤ vᵀb
                 let proved = self.proof(side, sides, norm, work);
-                return Some(if proved { Outcome::Infeasible(*changes) } else { Outcome::Uncertain });
+                return Some(if proved {
+                    Outcome::Infeasible(*changes)
+                } else {
+                    Outcome::Uncertain
+                });
             }
             let step = partial.min(full);
             if full <= partial {
@@ -490,10 +538,17 @@ impl<W: Windows> Problem<'_, W> {
         }
     }
 
-    /// Whether n = N v with v ≤ 0 (in `back`) proves that no window is within the bounds: not even one that exceeds each of them by
-    /// the tolerance of an optimal one, and after one refinement of v. See [`Combination`].
+    /// Whether n = N v with v ≤ 0 (in `back`) proves that no window is within the bounds: not even
+    /// one that exceeds each of them by the tolerance of an optimal one, and after one refinement
+    /// of v. See [`Combination`].
     #[cold]
-    fn proof(&self, side: ActiveBound, sides: &[ActiveBound], norm: f64, work: &mut Work<'_>) -> bool {
+    fn proof(
+        &self,
+        side: ActiveBound,
+        sides: &[ActiveBound],
+        norm: f64,
+        work: &mut Work<'_>,
+    ) -> bool {
         let k = sides.len();
         for again in [true, false] {
             self.normal(side, work);
@@ -521,7 +576,8 @@ impl<W: Windows> Problem<'_, W> {
         sum.bounds += multiplier * bound;
         sum.size += multiplier * bound.abs();
         sum.largest = sum.largest.max(bound.abs());
-        sum.tolerance += multiplier * self.rows.unit[row] * self.rows.inverse[row] * tol::ACTIVE_SET;
+        sum.tolerance +=
+            multiplier * self.rows.unit[row] * self.rows.inverse[row] * tol::ACTIVE_SET;
         sum.multipliers += multiplier;
     }
 
@@ -554,7 +610,10 @@ impl<W: Windows> Problem<'_, W> {
     /// n plus a multiple of a side's normal.
     fn add_normal(&self, side: ActiveBound, multiplier: f64, work: &mut Work<'_>) {
         let Work { n, rest, stride, .. } = work;
-        rest[..*stride].iter_mut().zip(self.rows.normal(side.row)).for_each(|(n, a)| *n = side.sign * a);
+        rest[..*stride]
+            .iter_mut()
+            .zip(self.rows.normal(side.row))
+            .for_each(|(n, a)| *n = side.sign * a);
         if let Some(L) = self.hessian_factor {
             solve_lower(L, &mut rest[..self.rows.r], *stride);
         }
@@ -565,7 +624,9 @@ impl<W: Windows> Problem<'_, W> {
     #[inline(always)]
     fn gap(&self, ActiveBound { row, sign }: ActiveBound) -> f64 {
         let along = dot(self.rows.normal(row), &self.free[..self.rows.stride]);
-        sign * ((self.bound(ActiveBound { row, sign }) - self.rows.offset[row]) * self.rows.inverse[row] - along)
+        sign * ((self.bound(ActiveBound { row, sign }) - self.rows.offset[row])
+            * self.rows.inverse[row]
+            - along)
     }
 
     #[inline(always)]
@@ -594,8 +655,8 @@ impl<W: Windows> Problem<'_, W> {
         self.windows.window(&z[..r], w);
     }
 
-    /// The side that is violated most. One that is active already is so by rounding, of z* far away from its bounds: z is then
-    /// moved back onto all active bounds.
+    /// The side that is violated most. One that is active already is so by rounding, of z* far away
+    /// from its bounds: z is then moved back onto all active bounds.
     #[inline(always)]
     fn violated(
         &self,
@@ -625,7 +686,8 @@ impl<W: Windows> Problem<'_, W> {
         work.rest.fill(0.0);
         for (j, &side) in sides.iter().enumerate() {
             let column = &work.upper[j * s..j * s + j + 1];
-            let missing = side.sign * (self.bound(side) - w[side.row]) * self.rows.inverse[side.row];
+            let missing =
+                side.sign * (self.bound(side) - w[side.row]) * self.rows.inverse[side.row];
             work.d[j] = (missing - dot(&column[..j], &work.d[..j])) / column[j];
             axpy(work.d[j], &work.q[j * s..(j + 1) * s], &mut work.rest[..s]);
         }
@@ -648,7 +710,8 @@ impl<W: Windows> Problem<'_, W> {
         self.rows.worst(w, self.lo, self.hi, tol::ACTIVE_SET / tol::VIOLATED).is_none()
     }
 
-    /// The status of an answer whose rows, as they are handed out, may be out of their bounds by the rounding of large numbers.
+    /// The status of an answer whose rows, as they are handed out, may be out of their bounds by
+    /// the rounding of large numbers.
     pub fn as_far_as_inside(&self, w: &[f64], status: Status) -> Status {
         let almost = tol::ALMOST.0 / tol::VIOLATED;
         match status {
@@ -674,8 +737,9 @@ impl<W: Windows> Problem<'_, W> {
     }
 }
 
-/// A combination of sides with multipliers of at least 0: what [`Problem::weigh`] adds up, with the length of what is left of their
-/// normals. If that is rounding and the bounds add up to more than what they are loosened by, nothing satisfies them all.
+/// A combination of sides with multipliers of at least 0: what [`Problem::weigh`] adds up, with the
+/// length of what is left of their normals. If that is rounding and the bounds add up to more than
+/// what they are loosened by, nothing satisfies them all.
 #[derive(Debug, Clone, Copy, Default)]
 pub(crate) struct Combination {
     rest: f64,
@@ -732,7 +796,8 @@ mod tests {
 
     impl Windows for Mat<f64> {
         fn window(&self, z: &[f64], w: &mut [f64]) {
-            (0..self.nrows()).for_each(|i| w[i] = z.iter().enumerate().map(|(j, z)| self[(i, j)] * z).sum());
+            (0..self.nrows())
+                .for_each(|i| w[i] = z.iter().enumerate().map(|(j, z)| self[(i, j)] * z).sum());
         }
     }
 
@@ -747,7 +812,8 @@ mod tests {
     impl Solver {
         fn new(A: &Mat<f64>) -> Self {
             let len = padded(A.nrows());
-            let all = Mat::from_fn(len, A.ncols(), |i, j| if i < A.nrows() { A[(i, j)] } else { 0.0 });
+            let all =
+                Mat::from_fn(len, A.ncols(), |i, j| if i < A.nrows() { A[(i, j)] } else { 0.0 });
             Solver {
                 rows: Rows::new(all.as_ref(), vec![0.0; len], vec![1.0; len]),
                 kept: WorkingSet::default(),
@@ -768,22 +834,43 @@ mod tests {
         fn solve(&mut self, lo: &[f64], hi: &[f64]) -> (Outcome, Vec<f64>) {
             let r = self.A.ncols();
             let [lo, hi, free, mut z, mut w] = self.room(lo, hi);
-            let (mut kept, mut memory) = (std::mem::take(&mut self.kept), std::mem::take(&mut self.memory));
-            let outcome = self.problem(&lo, &hi, &free, Trust::CERTAIN).solve(&mut kept, &mut memory, &mut z, &mut w);
+            let (mut kept, mut memory) =
+                (std::mem::take(&mut self.kept), std::mem::take(&mut self.memory));
+            let outcome = self.problem(&lo, &hi, &free, Trust::CERTAIN).solve(
+                &mut kept,
+                &mut memory,
+                &mut z,
+                &mut w,
+            );
             (self.kept, self.memory) = (kept, memory);
             z.truncate(r);
             (outcome, z)
         }
 
-        fn problem<'a>(&'a self, lo: &'a [f64], hi: &'a [f64], free: &'a [f64], trust: Trust) -> Problem<'a, Mat<f64>> {
-            Problem { rows: &self.rows, lo, hi, free, hessian_factor: None, windows: &self.A, trust }
+        fn problem<'a>(
+            &'a self,
+            lo: &'a [f64],
+            hi: &'a [f64],
+            free: &'a [f64],
+            trust: Trust,
+        ) -> Problem<'a, Mat<f64>> {
+            Problem {
+                rows: &self.rows,
+                lo,
+                hi,
+                free,
+                hessian_factor: None,
+                windows: &self.A,
+                trust,
+            }
         }
 
         /// What the way out finds.
         fn way_out(&self, lo: &[f64], hi: &[f64]) -> (Status, Vec<f64>) {
             let r = self.A.ncols();
             let [lo, hi, free, mut z, mut w] = self.room(lo, hi);
-            let (status, _) = way_out(&self.problem(&lo, &hi, &free, Trust::CERTAIN), &mut z, &mut w);
+            let (status, _) =
+                way_out(&self.problem(&lo, &hi, &free, Trust::CERTAIN), &mut z, &mut w);
             z.truncate(r);
             (status, z)
         }
@@ -794,7 +881,8 @@ mod tests {
     }
 
     fn close((outcome, z): (Outcome, Vec<f64>), expected: [f64; 2]) -> bool {
-        matches!(outcome, Outcome::Optimal(_)) && z.iter().zip(expected).all(|(z, e)| (z - e).abs() < 1e-12)
+        matches!(outcome, Outcome::Optimal(_))
+            && z.iter().zip(expected).all(|(z, e)| (z - e).abs() < 1e-12)
     }
 
     #[test]
@@ -812,7 +900,10 @@ mod tests {
 
     #[test]
     fn redundant_and_repeated_rows_do_no_harm() {
-        assert!(close(solve(&[[1.0, 0.0], [1.0, 0.0], [2.0, 0.0]], &[1.0, 1.0, 2.0], &[INF, 3.0, INF]), [1.0, 0.0]));
+        assert!(close(
+            solve(&[[1.0, 0.0], [1.0, 0.0], [2.0, 0.0]], &[1.0, 1.0, 2.0], &[INF, 3.0, INF]),
+            [1.0, 0.0]
+        ));
     }
 
     #[test]
@@ -821,9 +912,9 @@ mod tests {
         assert!(matches!(outcome, Outcome::Infeasible(_)));
     }
 
-    /// Random windows with redundant, equal, opposite and nearly parallel rows, bounds that touch, and contradictions.
-    /// The last number is the closest that two rows come to being parallel without being so: rounding of the data moves the
-    /// answer by its inverse.
+    /// Random windows with redundant, equal, opposite and nearly parallel rows, bounds that touch,
+    /// and contradictions. The last number is the closest that two rows come to being parallel
+    /// without being so: rounding of the data moves the answer by its inverse.
     fn random_problem(rng: &mut ChaCha8Rng) -> (Mat<f64>, Vec<f64>, f64) {
         let mut closest = 1.0_f64;
         let (rows, r) = (rng.random_range(1..40), rng.random_range(1..12));
@@ -840,7 +931,9 @@ mod tests {
                 _ => continue,
             };
             closest = closest.min(if off > 0.0 { off } else { 1.0 });
-            (0..r).for_each(|j| A[(i, j)] = scale * A[(other, j)] + off * rng.random_range(-1.0..1.0));
+            (0..r).for_each(|j| {
+                A[(i, j)] = scale * A[(other, j)] + off * rng.random_range(-1.0..1.0)
+            });
         }
         (A, inside, closest)
     }
@@ -858,7 +951,12 @@ mod tests {
                 1 => lo[i] = w + shift - rng.random_range(0.0..0.3),
                 2 => hi[i] = w - shift + rng.random_range(0.0..0.3),
                 3 => {}
-                _ => (lo[i], hi[i]) = (w + shift - rng.random_range(0.0..0.5), w + shift + rng.random_range(0.0..0.5)),
+                _ => {
+                    (lo[i], hi[i]) = (
+                        w + shift - rng.random_range(0.0..0.5),
+                        w + shift + rng.random_range(0.0..0.5),
+                    )
+                }
             }
         }
         (lo, hi)
@@ -886,10 +984,14 @@ mod tests {
                             assert!((0..A.nrows()).all(|i| excess(i) < 1e-9), "{k}");
                             if reference.0 == Status::Optimal {
                                 let size = z.iter().fold(1.0_f64, |m, v| m.max(v.abs()));
-                                let off = z.iter().zip(&reference.1).fold(0.0_f64, |m, (a, b)| m.max((a - b).abs()));
+                                let off = z
+                                    .iter()
+                                    .zip(&reference.1)
+                                    .fold(0.0_f64, |m, (a, b)| m.max((a - b).abs()));
                                 assert!(closest < 1e-6 || off <= 1e-9 * size, "{k}: {off:e}");
                             }
-                            // with a point in hand that satisfies all bounds, the reference is wrong: seen far from z*
+                            // with a point in hand that satisfies all bounds, the reference is
+                            // wrong: seen far from z*
                             refuted += usize::from(reference.0 == Status::Infeasible);
                             optimal += 1;
                         }
@@ -905,7 +1007,10 @@ mod tests {
             }
         }
         // it must do nearly all of the work, from kept bounds as well, and see contradictions
-        assert!(optimal > 180_000 && infeasible > 10_000 && kept > 50_000, "{optimal} {infeasible} {kept}");
+        assert!(
+            optimal > 180_000 && infeasible > 10_000 && kept > 50_000,
+            "{optimal} {infeasible} {kept}"
+        );
         assert!(left < 2000 && refuted < 5, "{left} {refuted}");
     }
 
@@ -921,7 +1026,11 @@ mod tests {
                 let mut restored = Solver::new(&A);
                 restored.kept = WorkingSet::new(running.kept.sides.clone(), false);
                 let (found, again) = (running.solve(&lo, &hi), restored.solve(&lo, &hi));
-                assert!(found.0 == again.0 && (found.1 == again.1 || !matches!(found.0, Outcome::Optimal(_))), "{k}");
+                assert!(
+                    found.0 == again.0
+                        && (found.1 == again.1 || !matches!(found.0, Outcome::Optimal(_))),
+                    "{k}"
+                );
                 assert_eq!(running.kept.sides, restored.kept.sides);
             }
         }

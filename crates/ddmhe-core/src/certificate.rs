@@ -1,36 +1,40 @@
 //! Stability certificates: weights for which the estimation error is known to shrink.
 //!
 //! # Derivation
-//! For two trajectories of x(t+1) = A x + e + w, y = C x + r + v, one of them (the estimate) without w, the difference
-//! d = x̂ - x obeys d⁺ = A d - w. Matrices P, Q, R and η < 1 with
+//! For two trajectories of x(t+1) = A x + e + w, y = C x + r + v, one of them (the estimate)
+//! without w, the difference d = x̂ - x obeys d⁺ = A d - w. Matrices P, Q, R and η < 1 with
 //!
 //! > \[\[AᵀPA - ηP - CᵀRC, AᵀP\], \[PA, P - Q\]\] ⪯ 0
 //!
-//! make ‖d‖²_P an incremental input/output-to-state Lyapunov function with exponential discount (Schiller, Muntwiler,
-//! Köhler, Zeilinger, Müller 2023):
+//! make ‖d‖²_P an incremental input/output-to-state Lyapunov function with exponential discount
+//! (Schiller, Muntwiler, Köhler, Zeilinger, Müller 2023):
 //!
 //! > ‖d⁺‖²_P ≤ η‖d‖²_P + ‖w‖²_Q + ‖C d‖²_R.    (L)
 //!
-//! With prior weight 2η^M P and noise weights η^{j-1} R in the place of (17)'s scalars the error contracts when
-//! 4η^M < 1. The scalar weights of (17) are the case P = I, R = μI, η = ρ, Q = 3I: (24) implies (L) for them.
+//! With prior weight 2η^M P and noise weights η^{j-1} R in the place of (17)'s scalars the error
+//! contracts when 4η^M < 1. The scalar weights of (17) are the case P = I, R = μI, η = ρ, Q = 3I:
+//! (24) implies (L) for them.
 //!
 //! # The bound of a step
 //! [`ErrorBound`] walks (L) along the estimated window instead of bounding it in advance as (34) does: everything that
-//! (34) must assume the worst of, the fitted noise and the distance to the prior, is known by then. From
-//! s(0) = ‖x̂(t-m|t) - x̄‖_P + E(t-m), E the bound of the prior,
+//! (34) must assume the worst of, the fitted noise and the distance to the prior, is known by then.
+//! From s(0) = ‖x̂(t-m|t) - x̄‖_P + E(t-m), E the bound of the prior,
 //!
 //! > s(k+1)² = η s(k)² + (‖ŵ(k)‖_Q + W)² + (‖v̂(k)‖_R + V)²,  E(t) = s(m),
 //!
-//! where W, V bound ‖w‖_Q, ‖v‖_R, v̂ = y - C x̂ - r and ŵ(k) = x̂(k+1) - A x̂(k) - e is what the window lacks of being a
-//! trajectory of the certificate's model (nothing, if the recording was noise-free). By optimality E(t) is never above
-//! (34)'s weighted form. Three further facts can only lower it: past estimates are known (‖x̂(k|t) - x̂(k)‖_P + E(k)),
-//! d⁺ = A d - w gives s(k+1) ≤ ‖A‖_P s(k) + W without any output (Q ⪰ P), and the second serves where y(k) is missing.
+//! where W, V bound ‖w‖_Q, ‖v‖_R, v̂ = y - C x̂ - r and ŵ(k) = x̂(k+1) - A x̂(k) - e is what the
+//! window lacks of being a trajectory of the certificate's model (nothing, if the recording was
+//! noise-free). By optimality E(t) is never above (34)'s weighted form. Three further facts can
+//! only lower it: past estimates are known (‖x̂(k|t) - x̂(k)‖_P + E(k)), d⁺ = A d - w gives s(k+1)
+//! ≤ ‖A‖_P s(k) + W without any output (Q ⪰ P), and the second serves where y(k) is missing.
 //!
 //! # When there is a bound
-//! (L) speaks of the true system, and the windows are those of the recording. With a noisy one they are trajectories of no system at
-//! all: ŵ and v̂ must then be known, and for that A, e, C and r of the true system, exactly or with an [`Uncertainty`]. A bound is
-//! handed out when they are, or when the recording itself is a trajectory to rounding: every window is then one too, and e and
-//! r are what the recording says. It is not when the model was fitted to a noisy recording whose noise nobody stated.
+//! (L) speaks of the true system, and the windows are those of the recording. With a noisy one they
+//! are trajectories of no system at all: ŵ and v̂ must then be known, and for that A, e, C and r of
+//! the true system, exactly or with an [`Uncertainty`]. A bound is handed out when they are, or
+//! when the recording itself is a trajectory to rounding: every window is then one too, and e and r
+//! are what the recording says. It is not when the model was fitted to a noisy recording whose
+//! noise nobody stated.
 
 use crate::check::check_vector;
 use crate::error::Error;
@@ -53,9 +57,11 @@ pub struct Certificate {
     pub R: Vec<f64>,
     /// Discount η in (0, 1) per sample.
     pub eta: f64,
-    /// Largest ‖A d‖_P / ‖d‖_P, if known: carries an error bound over samples that were not measured.
+    /// Largest ‖A d‖_P / ‖d‖_P, if known: carries an error bound over samples that were not
+    /// measured.
     pub growth: Option<f64>,
-    /// The model behind the certificate, if known: windows that are not its trajectories are then accounted for.
+    /// The model behind the certificate, if known: windows that are not its trajectories are then
+    /// accounted for.
     pub model: Option<Model>,
 }
 
@@ -70,9 +76,11 @@ pub struct Model {
     pub C: Vec<f64>,
     /// (p), or empty with e.
     pub r: Vec<f64>,
-    /// Whether it was fitted to a noisy recording whose noise is not known: how far the true system is from it, nobody knows then.
+    /// Whether it was fitted to a noisy recording whose noise is not known: how far the true system
+    /// is from it, nobody knows then.
     pub identified: bool,
-    /// For the true system, ‖ΔA x + Δe‖_Q ≤ `w`·q(x) and ‖ΔC x + Δr‖_R ≤ `v`·q(x) with q(x)² = \[x; 1\]ᵀ metric \[x; 1\].
+    /// For the true system, ‖ΔA x + Δe‖_Q ≤ `w`·q(x) and ‖ΔC x + Δr‖_R ≤ `v`·q(x) with q(x)² = \[x;
+    /// 1\]ᵀ metric \[x; 1\].
     pub uncertainty: Option<Uncertainty>,
 }
 
@@ -141,7 +149,11 @@ impl Disturbance {
     pub(crate) fn check(&self) -> Result<(), Error> {
         for (name, value) in [("initial", self.initial), ("w", self.w), ("v", self.v)] {
             if !(value >= 0.0 && value.is_finite()) {
-                return Err(Error::value("disturbance", format!("a finite {name} of at least 0"), value));
+                return Err(Error::value(
+                    "disturbance",
+                    format!("a finite {name} of at least 0"),
+                    value,
+                ));
             }
         }
         Ok(())
@@ -176,7 +188,11 @@ fn check_factor(name: &str, value: f64) -> Result<(), Error> {
     if value >= 0.0 && value.is_finite() {
         return Ok(());
     }
-    Err(Error::value("certificate", format!("an uncertainty with a finite {name} of at least 0"), value))
+    Err(Error::value(
+        "certificate",
+        format!("an uncertainty with a finite {name} of at least 0"),
+        value,
+    ))
 }
 
 fn check_square(name: &str, matrix: &[f64], size: usize) -> Result<(), Error> {
@@ -189,7 +205,9 @@ fn check_square(name: &str, matrix: &[f64], size: usize) -> Result<(), Error> {
     }
     check_finite("certificate", matrix, size)?;
     let largest = matrix.iter().fold(0.0_f64, |m, v| m.max(v.abs()));
-    let skew = (0..size * size).map(|k| (matrix[k] - matrix[(k % size) * size + k / size]).abs()).fold(0.0, f64::max);
+    let skew = (0..size * size)
+        .map(|k| (matrix[k] - matrix[(k % size) * size + k / size]).abs())
+        .fold(0.0, f64::max);
     if skew > tol::SYMMETRIC * largest {
         return Err(Error::value(
             "certificate",
@@ -208,7 +226,10 @@ pub(crate) fn factor(matrix: &[f64], size: usize) -> Option<Mat<f64>> {
 
 /// ‖U x‖.
 pub(crate) fn norm(U: &Mat<f64>, x: &[f64]) -> f64 {
-    (0..U.nrows()).map(|i| x.iter().enumerate().map(|(j, v)| U[(i, j)] * v).sum::<f64>().powi(2)).sum::<f64>().sqrt()
+    (0..U.nrows())
+        .map(|i| x.iter().enumerate().map(|(j, v)| U[(i, j)] * v).sum::<f64>().powi(2))
+        .sum::<f64>()
+        .sqrt()
 }
 
 /// The running error bound of one estimator.
@@ -231,7 +252,8 @@ pub(crate) struct ErrorBound {
 }
 
 impl ErrorBound {
-    /// None without a certificate or a disturbance, and in words why there is no bound where it could not be relied on.
+    /// None without a certificate or a disturbance, and in words why there is no bound where it
+    /// could not be relied on.
     pub fn new(
         certificate: Option<&Certificate>,
         disturbance: Option<&Disturbance>,
@@ -245,7 +267,13 @@ impl ErrorBound {
     }
 
     /// None when the certificate's matrices cannot be factored (they were checked before).
-    fn of(c: &Certificate, model: Option<Model>, disturbance: &Disturbance, n: usize, p: usize) -> Option<Self> {
+    fn of(
+        c: &Certificate,
+        model: Option<Model>,
+        disturbance: &Disturbance,
+        n: usize,
+        p: usize,
+    ) -> Option<Self> {
         let (U_P, U_Q, U_R) = (factor(&c.P, n)?, factor(&c.Q, n)?, factor(&c.R, p)?);
         let [(smallest, largest), (_, largest_Q), (_, largest_R)] =
             [&U_P, &U_Q, &U_R].map(|U| extremes(U).unwrap_or((0.0, f64::INFINITY)));
@@ -316,8 +344,9 @@ impl ErrorBound {
         self.errors.remove(0);
     }
 
-    /// The bound on ‖x̂(t) - x(t)‖ from the window x̂(·|t) ((m+1)·n), its outputs by entry with their fitted noise (m·p, NaN
-    /// where not measured), and the past estimates of the same times by entry (the prior first), all in the user's units.
+    /// The bound on ‖x̂(t) - x(t)‖ from the window x̂(·|t) ((m+1)·n), its outputs by entry with
+    /// their fitted noise (m·p, NaN where not measured), and the past estimates of the same times
+    /// by entry (the prior first), all in the user's units.
     pub fn advance(
         &mut self,
         window: &[f64],
@@ -363,9 +392,12 @@ impl ErrorBound {
         blind.min((self.eta * s * s + W * W + V * V).sqrt())
     }
 
-    /// How far the true system's next state and output at x may be from the model's, in ‖·‖_Q and ‖·‖_R.
+    /// How far the true system's next state and output at x may be from the model's, in ‖·‖_Q and
+    /// ‖·‖_R.
     fn spread(&self, x: &[f64]) -> (f64, f64) {
-        let Some(u) = self.model.as_ref().and_then(|m| m.uncertainty.as_ref()) else { return (0.0, 0.0) };
+        let Some(u) = self.model.as_ref().and_then(|m| m.uncertainty.as_ref()) else {
+            return (0.0, 0.0);
+        };
         let size = x.len() + 1;
         let z = |i: usize| x.get(i).copied().unwrap_or(1.0);
         let square: f64 = (0..size * size).map(|k| z(k / size) * u.metric[k] * z(k % size)).sum();
@@ -374,8 +406,8 @@ impl ErrorBound {
     }
 }
 
-/// The model that residuals are to be taken from; None where every window is a trajectory of the true system. Why neither is known,
-/// in words.
+/// The model that residuals are to be taken from; None where every window is a trajectory of the
+/// true system. Why neither is known, in words.
 fn true_model(certificate: &Certificate, history: &History) -> Result<Option<Model>, String> {
     const NONE: &str = "certificate: no error bound is given";
     match &certificate.model {
@@ -405,7 +437,10 @@ fn samples(history: &History) -> impl Iterator<Item = [&[f64]; 3]> {
     (0..history.recordings()).flat_map(move |i| {
         let (x, y) = (history.states(i), history.outputs(i));
         let next = x.chunks_exact(n).skip(1);
-        x.chunks_exact(n).zip(next).zip(y.chunks_exact(history.p())).map(|((x, next), y)| [x, next, y])
+        x.chunks_exact(n)
+            .zip(next)
+            .zip(y.chunks_exact(history.p()))
+            .map(|((x, next), y)| [x, next, y])
     })
 }
 
@@ -414,14 +449,18 @@ fn offsets(model: &Model, history: &History) -> Option<(Vec<f64>, Vec<f64>)> {
     let (n, p, T) = (history.n(), history.p(), history.T() as f64);
     // what a sample leaves of entry i of [x(k+1); y(k)], and the size of the numbers behind it
     let left = |[x, next, y]: [&[f64]; 3], i: usize| {
-        let (row, target) = if i < n { (&model.A[i * n..], next[i]) } else { (&model.C[(i - n) * n..], y[i - n]) };
-        row.iter().zip(x).fold((target, target.abs()), |(left, size), (a, x)| (left - a * x, size + (a * x).abs()))
+        let (row, target) =
+            if i < n { (&model.A[i * n..], next[i]) } else { (&model.C[(i - n) * n..], y[i - n]) };
+        row.iter().zip(x).fold((target, target.abs()), |(left, size), (a, x)| {
+            (left - a * x, size + (a * x).abs())
+        })
     };
     let mut offset = Vec::new();
     for i in 0..n + p {
         let mean = samples(history).map(|sample| left(sample, i).0 / T).sum::<f64>();
         let size = samples(history).map(|sample| left(sample, i).1).fold(0.0, f64::max);
-        if samples(history).any(|sample| (left(sample, i).0 - mean).abs() > tol::TRAJECTORY * size) {
+        if samples(history).any(|sample| (left(sample, i).0 - mean).abs() > tol::TRAJECTORY * size)
+        {
             return None;
         }
         offset.push(mean);
@@ -430,7 +469,8 @@ fn offsets(model: &Model, history: &History) -> Option<(Vec<f64>, Vec<f64>)> {
     Some((offset, r))
 }
 
-/// Whether some affine system has the recording as its trajectory, to rounding and with a sample to spare.
+/// Whether some affine system has the recording as its trajectory, to rounding and with a sample to
+/// spare.
 fn is_affine(history: &History) -> bool {
     let (n, p, T) = (history.n(), history.p(), history.T());
     let all: Vec<[&[f64]; 3]> = samples(history).collect();
@@ -455,7 +495,13 @@ fn is_affine(history: &History) -> bool {
 }
 
 /// target - (matrix x + offset), into `out`.
-fn residual(matrix: &[f64], offset: &[f64], x: &[f64], target: impl Fn(usize) -> f64, out: &mut [f64]) {
+fn residual(
+    matrix: &[f64],
+    offset: &[f64],
+    x: &[f64],
+    target: impl Fn(usize) -> f64,
+    out: &mut [f64],
+) {
     for (i, out) in out.iter_mut().enumerate() {
         let row = &matrix[i * x.len()..(i + 1) * x.len()];
         *out = target(i) - offset[i] - row.iter().zip(x).map(|(a, b)| a * b).sum::<f64>();

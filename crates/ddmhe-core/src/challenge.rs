@@ -1,17 +1,20 @@
 //! Whether the recording itself shows other settings to be clearly better than the default rule's.
 //!
-//! *Ridge form.* Over the N windows of a depth M the estimator is a ridge regression of x(M) on z = [x(0); y], centred:
-//! x̂ = S_xz (S_zz + R)⁻¹ z with R = λ s_x²/(2ρ^M) on the prior and λ s_y² ρ^-(age-1)/μ on an output. Scales, μ and λ are nothing but R.
+//! *Ridge form.* Over the N windows of a depth M the estimator is a ridge regression of x(M) on z =
+//! [x(0); y], centred: x̂ = S_xz (S_zz + R)⁻¹ z with R = λ s_x²/(2ρ^M) on the prior and λ s_y²
+//! ρ^-(age-1)/μ on an output. Scales, μ and λ are nothing but R.
 //!
-//! *Held-out error.* Windows are cut into contiguous blocks, each estimated from the others but for those that overlap it most. With
-//! the outputs projected out, C is the moment of [x(0); x(M)] that is left in the others and Ξ that of the block's residuals; a prior
-//! of covariance P is used with K = (C_00 + R_x)⁻¹ C_0M and leaves Ξ_MM - Ξ_M0 K - KᵀΞ_0M + KᵀΞ_00 K + KᵀP K. Iterated to a
-//! fixed point this is the error of an estimator whose prior carries its own error. J is the geometric mean over states of its
-//! root, in units of the states' deviations.
+//! *Held-out error.* Windows are cut into contiguous blocks, each estimated from the others but for
+//! those that overlap it most. With the outputs projected out, C is the moment of [x(0); x(M)] that
+//! is left in the others and Ξ that of the block's residuals; a prior of covariance P is used with
+//! K = (C_00 + R_x)⁻¹ C_0M and leaves Ξ_MM - Ξ_M0 K - KᵀΞ_0M + KᵀΞ_00 K + KᵀP K. Iterated to a
+//! fixed point this is the error of an estimator whose prior carries its own error. J is the
+//! geometric mean over states of its root, in units of the states' deviations.
 //!
-//! *Challengers.* A short and a long window with the outputs weighted by their own noise and R_x = P of that fixed point. One is taken
-//! only where its J is smaller than the rule's by [`MARGIN`]: held-out blocks lie inside the recording, and differences there
-//! that are small say nothing of what comes after it.
+//! *Challengers.* A short and a long window with the outputs weighted by their own noise and R_x =
+//! P of that fixed point. One is taken only where its J is smaller than the rule's by [`MARGIN`]:
+//! held-out blocks lie inside the recording, and differences there that are small say nothing of
+//! what comes after it.
 
 use crate::defaults::Defaults;
 use crate::history::History;
@@ -19,13 +22,14 @@ use crate::space::Scaling;
 use faer::linalg::solvers::Solve;
 use faer::{Mat, MatRef, Side};
 
-/// Contiguous blocks of windows that are held out in turn. With three the long windows lose so many that short ones win on
-/// pendulums, wrongly.
+/// Contiguous blocks of windows that are held out in turn. With three the long windows lose so many
+/// that short ones win on pendulums, wrongly.
 const BLOCKS: usize = 6;
 /// Windows left out on each side of a block.
 const GAP: usize = 3;
-/// What log J has to be smaller by at T samples: MARGIN.0, a quarter of the error, or MARGIN.1 / T where that is less. A long recording
-/// shows smaller differences: at T = 800 those of 6 % were real in every case tried, at T = 150 some of 25 % were not.
+/// What log J has to be smaller by at T samples: MARGIN.0, a quarter of the error, or MARGIN.1 / T
+/// where that is less. A long recording shows smaller differences: at T = 800 those of 6 % were
+/// real in every case tried, at T = 150 some of 25 % were not.
 const MARGIN: (f64, f64) = (0.3, 45.0);
 /// Iterations towards the stationary error.
 const ITERATIONS: usize = 12;
@@ -39,7 +43,8 @@ struct Block {
     share: f64,
 }
 
-/// The scales and the rule that are clearly better than an incumbent with weight `lambda`; None where there are none.
+/// The scales and the rule that are clearly better than an incumbent with weight `lambda`; None
+/// where there are none.
 pub(crate) fn challenge(
     history: &History,
     scaling: &Scaling,
@@ -48,12 +53,14 @@ pub(crate) fn challenge(
 ) -> Option<(Scaling, Defaults)> {
     let (short, long) = rule.challengers?;
     let (n, p) = (history.n(), history.p());
-    let spread: Vec<f64> = scaling.unit_x.iter().zip(&scaling.s_x).map(|(unit, s)| unit / s).collect();
+    let spread: Vec<f64> =
+        scaling.unit_x.iter().zip(&scaling.s_x).map(|(unit, s)| unit / s).collect();
     let held = blocks(history, scaling, rule, rule.horizon, &vec![lambda / rule.mu; p])?;
     let prior = vec![lambda / (2.0 * rule.rho.powi(rule.horizon as i32)); n];
     let incumbent = size(&stationary(&held, &spread, Some(&prior)), &spread);
 
-    let noise: Vec<f64> = scaling.noise_y.iter().zip(&scaling.s_y).map(|(noise, s)| noise / (s * s)).collect();
+    let noise: Vec<f64> =
+        scaling.noise_y.iter().zip(&scaling.s_y).map(|(noise, s)| noise / (s * s)).collect();
     let margin = MARGIN.0.min(MARGIN.1 / history.T() as f64);
     let mut best: Option<(f64, usize, Mat<f64>)> = None;
     for depth in if short == long { vec![short] } else { vec![short, long] } {
@@ -83,8 +90,15 @@ fn size(P: &Mat<f64>, spread: &[f64]) -> f64 {
     0.5 * spread.iter().enumerate().map(share).sum::<f64>() / spread.len() as f64
 }
 
-/// Windows of `depth` as rows: outputs over the roots of their ridge (`noise` of the newest, a channel), and [x(0) x(M)].
-fn windows(history: &History, scaling: &Scaling, rho: f64, depth: usize, noise: &[f64]) -> (Mat<f64>, Mat<f64>) {
+/// Windows of `depth` as rows: outputs over the roots of their ridge (`noise` of the newest, a
+/// channel), and [x(0) x(M)].
+fn windows(
+    history: &History,
+    scaling: &Scaling,
+    rho: f64,
+    depth: usize,
+    noise: &[f64],
+) -> (Mat<f64>, Mat<f64>) {
     let (n, p, N) = (history.n(), history.p(), history.windows(depth));
     let (mut U, mut A) = (Mat::zeros(N, depth * p), Mat::zeros(N, 2 * n));
     let mut row = 0;
@@ -94,7 +108,8 @@ fn windows(history: &History, scaling: &Scaling, rho: f64, depth: usize, noise: 
             for (j, sample) in y[k * p..(k + depth) * p].chunks_exact(p).enumerate() {
                 let fading = rho.powi((depth - 1 - j) as i32).sqrt();
                 for (i, v) in scaling.deviations(&[], sample).enumerate() {
-                    U[(row, j * p + i)] = if noise[i] > 0.0 { v * fading / noise[i].sqrt() } else { 0.0 };
+                    U[(row, j * p + i)] =
+                        if noise[i] > 0.0 { v * fading / noise[i].sqrt() } else { 0.0 };
                 }
             }
             for (half, at) in [k, k + depth].into_iter().enumerate() {
@@ -108,7 +123,13 @@ fn windows(history: &History, scaling: &Scaling, rho: f64, depth: usize, noise: 
 }
 
 /// What each block leaves; None where there are too few windows, or nothing finite comes out.
-fn blocks(history: &History, scaling: &Scaling, rule: &Defaults, depth: usize, noise: &[f64]) -> Option<Vec<Block>> {
+fn blocks(
+    history: &History,
+    scaling: &Scaling,
+    rule: &Defaults,
+    depth: usize,
+    noise: &[f64],
+) -> Option<Vec<Block>> {
     let (U, A) = windows(history, scaling, rule.rho, depth, noise);
     let N = U.nrows();
     if N < 2 * BLOCKS {
@@ -119,13 +140,19 @@ fn blocks(history: &History, scaling: &Scaling, rule: &Defaults, depth: usize, n
     (0..BLOCKS)
         .map(|b| {
             let (first, end) = (bound(b), bound(b + 1));
-            let learnt: Vec<usize> = (0..first.saturating_sub(gap)).chain((end + gap).min(N)..N).collect();
+            let learnt: Vec<usize> =
+                (0..first.saturating_sub(gap)).chain((end + gap).min(N)..N).collect();
             left(U.as_ref(), A.as_ref(), &learnt, first..end)
         })
         .collect()
 }
 
-fn left(U: MatRef<'_, f64>, A: MatRef<'_, f64>, learnt: &[usize], held: std::ops::Range<usize>) -> Option<Block> {
+fn left(
+    U: MatRef<'_, f64>,
+    A: MatRef<'_, f64>,
+    learnt: &[usize],
+    held: std::ops::Range<usize>,
+) -> Option<Block> {
     let k = learnt.len() as f64;
     let mean = |M: MatRef<'_, f64>| -> Vec<f64> {
         (0..M.ncols()).map(|j| learnt.iter().map(|&i| M[(i, j)]).sum::<f64>() / k).collect()
@@ -137,7 +164,8 @@ fn left(U: MatRef<'_, f64>, A: MatRef<'_, f64>, learnt: &[usize], held: std::ops
     let (U_l, A_l) = (centred(U, &mean_u, learnt), centred(A, &mean_a, learnt));
     let rows: Vec<usize> = held.collect();
     let (U_h, A_h) = (centred(U, &mean_u, &rows), centred(A, &mean_a, &rows));
-    let shifted = |G: Mat<f64>| Mat::from_fn(G.nrows(), G.ncols(), |i, j| G[(i, j)] / k + f64::from(i == j));
+    let shifted =
+        |G: Mat<f64>| Mat::from_fn(G.nrows(), G.ncols(), |i, j| G[(i, j)] / k + f64::from(i == j));
     // W = (UᵀU/k + I)⁻¹ UᵀA/k, by the smaller of the two Gram matrices
     let W = if learnt.len() < U.ncols() {
         U_l.transpose() * shifted(&U_l * U_l.transpose()).llt(Side::Lower).ok()?.solve(&A_l)
@@ -150,7 +178,8 @@ fn left(U: MatRef<'_, f64>, A: MatRef<'_, f64>, learnt: &[usize], held: std::ops
     Some(Block { C, Xi, share: rows.len() as f64 / U.nrows() as f64 })
 }
 
-/// The stationary error (n × n); `fixed`: R_x of the prior's weight (n), or that of the error itself.
+/// The stationary error (n × n); `fixed`: R_x of the prior's weight (n), or that of the error
+/// itself.
 fn stationary(blocks: &[Block], spread: &[f64], fixed: Option<&[f64]>) -> Mat<f64> {
     let n = spread.len();
     let mut P = Mat::from_fn(n, n, |i, j| if i == j { spread[i].powi(2) } else { 0.0 });
@@ -165,7 +194,8 @@ fn stationary(blocks: &[Block], spread: &[f64], fixed: Option<&[f64]>) -> Mat<f6
             };
             let G = Mat::from_fn(n, n, |i, j| C[(i, j)] + ridge(i, j));
             let K = G.partial_piv_lu().solve(C.submatrix(0, n, n, n));
-            let (Xi_00, Xi_0M, Xi_MM) = (Xi.submatrix(0, 0, n, n), Xi.submatrix(0, n, n, n), Xi.submatrix(n, n, n, n));
+            let (Xi_00, Xi_0M, Xi_MM) =
+                (Xi.submatrix(0, 0, n, n), Xi.submatrix(0, n, n, n), Xi.submatrix(n, n, n, n));
             let cross = K.transpose() * Xi_0M;
             let error = Xi_MM - &cross - cross.transpose() + K.transpose() * (Xi_00 + &P) * &K;
             next += error * faer::Scale(*share);

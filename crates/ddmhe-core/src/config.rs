@@ -23,8 +23,8 @@ pub enum Center {
     /// Nothing: the bounds are absolute.
     #[default]
     Absolute,
-    /// x_c(t) = H_x H_y† y, the window that the recording alone associates with the measured outputs
-    /// (Liu 2026, IV-A1, in affine form).
+    /// x_c(t) = H_x H_y† y, the window that the recording alone associates with the measured
+    /// outputs (Liu 2026, IV-A1, in affine form).
     History,
 }
 
@@ -36,15 +36,16 @@ pub enum Weighting {
     Auto,
     /// (17) in the units of x and y, as printed.
     Paper,
-    /// (17) with every channel in units of its [scale](crate::Scaling): μ has no unit, and rescaling a channel changes nothing.
+    /// (17) with every channel in units of its [scale](crate::Scaling): μ has no unit, and
+    /// rescaling a channel changes nothing.
     Scaled,
 }
 
 /// Where a run starts.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub enum Start {
-    /// From a known state, `x_prior` or the last recorded one, with the weight that (17) gives every prior; the window grows
-    /// from 1 to M (Algorithm 1).
+    /// From a known state, `x_prior` or the last recorded one, with the weight that (17) gives
+    /// every prior; the window grows from 1 to M (Algorithm 1).
     #[default]
     State,
     /// Where the recording ends: the run goes on from there, with a window filled from its end.
@@ -63,14 +64,16 @@ impl std::fmt::Display for Start {
     }
 }
 
-/// Settings of the estimator; every `None` is set by the documented rule of [`defaults`](crate::defaults).
+/// Settings of the estimator; every `None` is set by the documented rule of
+/// [`defaults`](crate::defaults).
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct Config {
     /// Horizon M ≥ 1.
     pub horizon: Option<usize>,
     /// Discount ρ in (0, 1).
     pub rho: Option<f64>,
-    /// Noise weight μ > 0 of (17), in (unit of x / unit of y)², or without a unit where `weights` say so.
+    /// Noise weight μ > 0 of (17), in (unit of x / unit of y)², or without a unit where `weights`
+    /// say so.
     pub mu: Option<f64>,
     /// What ρ and μ are meant in.
     pub weights: Weighting,
@@ -90,7 +93,8 @@ pub struct Config {
     pub space: Space,
     /// A certificate's weights 2η^M P and η^{j-1} R in the place of ρ and μ.
     pub certificate: Option<Certificate>,
-    /// What is known of the true trajectory: with a certificate, each estimate then carries an error bound.
+    /// What is known of the true trajectory: with a certificate, each estimate then carries an
+    /// error bound.
     pub disturbance: Option<Disturbance>,
 }
 
@@ -118,8 +122,8 @@ pub struct Settings {
     pub horizon: usize,
     /// Discount ρ, or a certificate's η.
     pub rho: f64,
-    /// Noise weight μ, in (unit of x / unit of y)² for the weights of (17) as printed, else without a unit; of a certificate, the
-    /// mean of R's diagonal.
+    /// Noise weight μ, in (unit of x / unit of y)² for the weights of (17) as printed, else without
+    /// a unit; of a certificate, the mean of R's diagonal.
     pub mu: f64,
     /// What the cost is measured in; never `Auto`.
     pub weights: Weighting,
@@ -127,7 +131,8 @@ pub struct Settings {
     pub rank: usize,
     /// Weight λ on ‖a‖² (see [`space`](crate::space)), 0 for none.
     pub lambda: f64,
-    /// Whether the equilibrium was added to the data (a noise-free recording does better without it).
+    /// Whether the equilibrium was added to the data (a noise-free recording does better without
+    /// it).
     pub equilibrium_used: bool,
 }
 
@@ -148,7 +153,11 @@ pub(crate) fn validate(history: &History, config: &Config) -> Result<(), Error> 
         certificate.check(n, p)?;
         for (name, value) in [("rho", config.rho), ("mu", config.mu)] {
             if let Some(value) = value {
-                return Err(Error::value(name, "none beside a certificate, which holds the weights", value));
+                return Err(Error::value(
+                    name,
+                    "none beside a certificate, which holds the weights",
+                    value,
+                ));
             }
         }
         if config.weights == Weighting::Scaled {
@@ -202,7 +211,11 @@ pub(crate) fn validate(history: &History, config: &Config) -> Result<(), Error> 
 pub(crate) fn check_start(start: Start) -> Result<(), Error> {
     match start {
         Start::State => Ok(()),
-        other => Err(Error::value("start", "\"state\" beside x_prior, which is the state it starts from", other)),
+        other => Err(Error::value(
+            "start",
+            "\"state\" beside x_prior, which is the state it starts from",
+            other,
+        )),
     }
 }
 
@@ -218,7 +231,11 @@ pub(crate) fn check_beside(config: &Config, start: Start) -> Result<(), Error> {
 }
 
 /// Sizes, no NaN, lo ≤ hi, and neither side beyond reach.
-pub(crate) fn check_box(argument: &'static str, bounds: &Bounds, lengths: &[usize]) -> Result<(), Error> {
+pub(crate) fn check_box(
+    argument: &'static str,
+    bounds: &Bounds,
+    lengths: &[usize],
+) -> Result<(), Error> {
     for side in [&bounds.lo, &bounds.hi] {
         if !lengths.contains(&side.len()) || side.len() != bounds.lo.len() {
             let allowed: Vec<String> = lengths.iter().map(ToString::to_string).collect();

@@ -1,9 +1,10 @@
 //! The default rule: horizon, weights and trajectory space from the recording alone.
 //!
-//! Everything hangs on one number, the *misfit* f in [0, 1]: the share of the recording's variance that an affine
-//! model x(k+1), y(k) ← x(k), fitted by least squares, leaves unexplained. It is rounding for a noise-free linear
-//! system with a full state, the relative noise variance for a noisy one (3-DOF detumbling: 1e-6 to 1e-1), and
-//! close to 1 when the recorded x is only part of the system's state (a gyroscope on a swinging body: 0.8 to 1).
+//! Everything hangs on one number, the *misfit* f in [0, 1]: the share of the recording's variance
+//! that an affine model x(k+1), y(k) ← x(k), fitted by least squares, leaves unexplained. It is
+//! rounding for a noise-free linear system with a full state, the relative noise variance for a
+//! noisy one (3-DOF detumbling: 1e-6 to 1e-1), and close to 1 when the recorded x is only part of
+//! the system's state (a gyroscope on a swinging body: 0.8 to 1).
 //!
 //! | setting | rule | reason |
 //! |---|---|---|
@@ -13,13 +14,15 @@
 //! | ρ | 0.95 | anything from 0.9 to 0.97 does; 4ρ^M < 1 as in (33) is not aimed at: the rule seeks accuracy, a certificate contraction |
 //! | M | 20 + f (M₁ - 20), M₁ the longest horizon with 0.4 T windows left (0.6 T in one recording), at most 100 | a complete state needs a few samples; hidden parts must be read off the outputs' past |
 //!
-//! With f at rounding level the weight is zero and the space exact. n + 1 samples are fitted by some affine model whatever they
-//! are: without degrees of freedom f counts as 1. Should the map from prior to estimate come out
-//! unstable (spectral radius above [`tol::SPECTRAL_RADIUS`](crate::tol::SPECTRAL_RADIUS)), the weight is raised tenfold
-//! until it is not.
+//! With f at rounding level the weight is zero and the space exact. n + 1 samples are fitted by
+//! some affine model whatever they are: without degrees of freedom f counts as 1. Should the map
+//! from prior to estimate come out unstable (spectral radius above
+//! [`tol::SPECTRAL_RADIUS`](crate::tol::SPECTRAL_RADIUS)), the weight is raised tenfold until it is
+//! not.
 //!
-//! A large f says that x(k) alone does not tell x(k+1), but not why. Hidden parts of the state ask for long windows, noise that drives the
-//! state for short ones and a weak prior. Above f = 0.1 the recording decides: see the module `challenge`.
+//! A large f says that x(k) alone does not tell x(k+1), but not why. Hidden parts of the state ask
+//! for long windows, noise that drives the state for short ones and a weak prior. Above f = 0.1 the
+//! recording decides: see the module `challenge`.
 //!
 //! `make study-defaults` measures the rule against the best settings in hindsight.
 
@@ -41,16 +44,18 @@ const RHO: f64 = 0.95;
 const HORIZON: (usize, f64) = (20, 0.6);
 /// Longest default horizon: construction grows with its third power.
 const LONGEST: usize = 100;
-/// A misfit above this may be hidden parts of the state or noise that drives it: others may then do better than the rule. Below it the
-/// motion is known, and what counts is how far it leaves the recording, of which the recording says nothing.
+/// A misfit above this may be hidden parts of the state or noise that drives it: others may then do
+/// better than the rule. Below it the motion is known, and what counts is how far it leaves the
+/// recording, of which the recording says nothing.
 const HIDDEN: f64 = 0.1;
 /// A misfit below this is rounding (a relative error of 1e-12).
 const EXACT: f64 = 1e-24;
 /// Relative noise above which a recording counts as noisy.
 const NOISY: f64 = 1e-6;
 
-/// Fewest samples of a noisy recording, for each of the n + 1 numbers that an affine model has per channel: with fewer, neither the
-/// misfit nor the weak directions mean much. Measured: below, errors on the logs at hand were the size of the motion or above.
+/// Fewest samples of a noisy recording, for each of the n + 1 numbers that an affine model has per
+/// channel: with fewer, neither the misfit nor the weak directions mean much. Measured: below,
+/// errors on the logs at hand were the size of the motion or above.
 const SAMPLES: usize = 10;
 /// Fewest windows likewise: what 0.4 T leaves of that.
 const WINDOWS: usize = 4;
@@ -63,7 +68,8 @@ pub(crate) struct Defaults {
     pub mu: f64,
     /// λ / μ; 0 for an exact space.
     pub ratio: f64,
-    /// Short and long horizon of the settings that may take the rule's place (see [`challenge`](crate::challenge)), if any may.
+    /// Short and long horizon of the settings that may take the rule's place (see
+    /// [`challenge`](crate::challenge)), if any may.
     pub challengers: Option<(usize, usize)>,
     /// Whether the recording itself carries noise: decides if a known equilibrium helps.
     pub noisy: bool,
@@ -72,18 +78,25 @@ pub(crate) struct Defaults {
 impl Defaults {
     /// Applies the rule.
     ///
-    /// `rest` is a known equilibrium (x_e, y_e); on a noisy recording it counts as part of the data, as in
+    /// `rest` is a known equilibrium (x_e, y_e); on a noisy recording it counts as part of the
+    /// data, as in
     /// [`space`].
     pub fn new(history: &History, scaling: &Scaling, rest: Option<(&[f64], &[f64])>) -> Self {
         let [f_x, f_y] = misfit(&scaling.one_step, scaling);
         let [noise_x, noise_y] = relative_noise(history, scaling);
         // Noise leaves a residual *and* fifth differences; curvature alone leaves one of the two.
         let noisy = noise_x.min(f_x.sqrt()).max(noise_y.min(f_y.sqrt())) > NOISY;
-        let [f_x, f_y] = if noisy && rest.is_some() { misfit(&one_step(history, rest), scaling) } else { [f_x, f_y] };
+        let [f_x, f_y] = if noisy && rest.is_some() {
+            misfit(&one_step(history, rest), scaling)
+        } else {
+            [f_x, f_y]
+        };
         let misfit = f_x.max(f_y);
         // With one recording of T outputs: 0.6 T. Seams cost windows, and so shorten the horizon.
         let enough = ((1.0 - HORIZON.1) * history.T() as f64).ceil() as usize;
-        let longest = |windows: usize| (1..=history.T()).rev().find(|&m| history.windows(m) >= windows).unwrap_or(1);
+        let longest = |windows: usize| {
+            (1..=history.T()).rev().find(|&m| history.windows(m) >= windows).unwrap_or(1)
+        };
         let hidden = longest(enough.max(1)).min(LONGEST) as f64;
         let complete = HORIZON.0 as f64;
         let horizon = (complete + misfit * (hidden - complete)).round().max(1.0) as usize;
@@ -100,14 +113,19 @@ impl Defaults {
         }
     }
 
-    /// The horizon asked for, or the rule's; with a certificate at least as long as its contraction 4η^M < 1 asks.
+    /// The horizon asked for, or the rule's; with a certificate at least as long as its contraction
+    /// 4η^M < 1 asks.
     pub fn horizon_for(&self, config: &Config) -> Result<usize, Error> {
-        let Some(c) = &config.certificate else { return Ok(config.horizon.unwrap_or(self.horizon)) };
+        let Some(c) = &config.certificate else {
+            return Ok(config.horizon.unwrap_or(self.horizon));
+        };
         let needed = c.minimum_horizon();
         match config.horizon {
             Some(M) if M < needed => {
-                let expected =
-                    format!("at least {needed}, the smallest M with 4 eta^M < 1 for the certificate's eta = {}", c.eta);
+                let expected = format!(
+                    "at least {needed}, the smallest M with 4 eta^M < 1 for the certificate's eta = {}",
+                    c.eta
+                );
                 Err(Error::value("horizon", expected, M))
             }
             Some(M) => Ok(M),
@@ -115,8 +133,8 @@ impl Defaults {
         }
     }
 
-    /// Fewest outputs that tell motion from noise in a recording of n states; None for one that is exactly linear. The horizon, given
-    /// or the shortest of the rule, costs windows.
+    /// Fewest outputs that tell motion from noise in a recording of n states; None for one that is
+    /// exactly linear. The horizon, given or the shortest of the rule, costs windows.
     pub fn needed(&self, n: usize, horizon: Option<usize>) -> Option<usize> {
         let horizon = horizon.unwrap_or(HORIZON.0);
         (self.ratio > 0.0).then_some(((n + 1) * SAMPLES).max((n + 1) * WINDOWS + horizon - 1))
@@ -124,13 +142,14 @@ impl Defaults {
 
     /// The space `auto` for the noise weight `mu` in force.
     pub fn selection(&self, mu: f64) -> Selection {
-        let penalty = if self.ratio > 0.0 { Penalty::Normalised(self.ratio * mu) } else { Penalty::None };
+        let penalty =
+            if self.ratio > 0.0 { Penalty::Normalised(self.ratio * mu) } else { Penalty::None };
         Selection { rank: None, tol: None, penalty }
     }
 }
 
-/// Shares of the variance of x(k+1) and of y(k) that an affine function of x(k) leaves unexplained: pooled over the channels of one
-/// unit, at most 1, then averaged over the channels that move.
+/// Shares of the variance of x(k+1) and of y(k) that an affine function of x(k) leaves unexplained:
+/// pooled over the channels of one unit, at most 1, then averaged over the channels that move.
 /// `channels`: of [`one_step`] (n + p).
 fn misfit(channels: &[[f64; 2]], scaling: &Scaling) -> [f64; 2] {
     let n = scaling.s_x.len();
@@ -142,14 +161,18 @@ fn misfit(channels: &[[f64; 2]], scaling: &Scaling) -> [f64; 2] {
             let share = if sum(1) > 0.0 { (sum(0) / sum(1)).min(1.0) } else { 0.0 };
             share * group.len() as f64
         };
-        groups.iter().map(share).sum::<f64>() / groups.iter().map(|group| group.len()).sum::<usize>().max(1) as f64
+        groups.iter().map(share).sum::<f64>()
+            / groups.iter().map(|group| group.len()).sum::<usize>().max(1) as f64
     })
 }
 
-/// Noise of x and of y as fifth differences show it, relative to the deviations of each unit; root mean square over channels.
+/// Noise of x and of y as fifth differences show it, relative to the deviations of each unit; root
+/// mean square over channels.
 fn relative_noise(history: &History, scaling: &Scaling) -> [f64; 2] {
     let level = |signal: fn(&History, usize) -> &[f64], units: &[f64], groups: &[Vec<usize>]| {
-        let noise: Vec<f64> = (0..units.len()).map(|i| fifth_differences(history, signal, (i, units.len()))).collect();
+        let noise: Vec<f64> = (0..units.len())
+            .map(|i| fifth_differences(history, signal, (i, units.len())))
+            .collect();
         let variance: Vec<f64> = units.iter().map(|unit| unit * unit).collect();
         let (noise, variance) = (space::shared(&noise, groups), space::shared(&variance, groups));
         let ratios = noise.iter().zip(&variance).map(|(noise, variance)| noise / variance);

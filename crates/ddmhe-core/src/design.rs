@@ -26,8 +26,8 @@ pub(crate) struct Design {
     pub selection: Selection,
     pub limits: Limits,
     pub problems: Vec<WindowProblem>, // of depth first, first + 1, …, M
-    pub first: usize,                 // 1; without those that a start from the recording's end does not need
-    pub rank: usize,                  // the highest of all depths
+    pub first: usize, // 1; without those that a start from the recording's end does not need
+    pub rank: usize,  // the highest of all depths
     pub spectral_radius: f64,
     pub warnings: Vec<String>,
     pub watch: Watch,
@@ -60,8 +60,15 @@ impl Design {
         let problem = |depth: usize, selection: &Selection| {
             let shape = Shape { n: history.n(), p: history.p(), depth };
             let space = stack.space(depth, selection);
-            WindowProblem::new(shape, space, &scaling, &weights, (config.x_bounds.as_ref(), centered), None)
-                .map_err(factorisation)
+            WindowProblem::new(
+                shape,
+                space,
+                &scaling,
+                &weights,
+                (config.x_bounds.as_ref(), centered),
+                None,
+            )
+            .map_err(factorisation)
         };
         let mut selection = select(&config.space, &rule, &weights, history.n());
         let mut deepest = problem(horizon, &selection)?;
@@ -75,8 +82,10 @@ impl Design {
             radius = spectral_radius(&deepest);
         }
         let weighting = config.weighting();
-        let open =
-            config.horizon.is_none() && config.rho.is_none() && config.mu.is_none() && config.space == Space::Auto;
+        let open = config.horizon.is_none()
+            && config.rho.is_none()
+            && config.mu.is_none()
+            && config.space == Space::Auto;
         if open
             && weighting == Weighting::Scaled
             && !equilibrium_used
@@ -87,23 +96,30 @@ impl Design {
         let settings = Settings {
             horizon,
             rho: weights.rho,
-            mu: if weighting == Weighting::Scaled { weights.mu() } else { weights.mu_as_printed(&scaling) },
+            mu: if weighting == Weighting::Scaled {
+                weights.mu()
+            } else {
+                weights.mu_as_printed(&scaling)
+            },
             weights: weighting,
             rank: deepest.rank(),
             lambda: deepest.space.lambda,
             equilibrium_used,
         };
         let first = (filled(history, start, horizon) + 1).min(horizon);
-        let mut problems = (first..horizon).map(|depth| problem(depth, &selection)).collect::<Result<Vec<_>, _>>()?;
+        let mut problems = (first..horizon)
+            .map(|depth| problem(depth, &selection))
+            .collect::<Result<Vec<_>, _>>()?;
         problems.push(deepest);
         let (watch, mut words) = Watch::new(history);
         words.extend(too_little(history, config, &rule, horizon));
         words.extend(warnings(config, &settings, radius));
         let bound =
-            ErrorBound::new(config.certificate.as_ref(), config.disturbance.as_ref(), history).unwrap_or_else(|why| {
-                words.push(why);
-                None
-            });
+            ErrorBound::new(config.certificate.as_ref(), config.disturbance.as_ref(), history)
+                .unwrap_or_else(|why| {
+                    words.push(why);
+                    None
+                });
         Ok(Design {
             history: history.clone(),
             warnings: words,
@@ -111,7 +127,10 @@ impl Design {
             bound,
             limits: Limits {
                 x: config.x_bounds.clone(),
-                v: config.v_bounds.as_ref().map(|v| Bounds { lo: v.lo.repeat(horizon), hi: v.hi.repeat(horizon) }),
+                v: config
+                    .v_bounds
+                    .as_ref()
+                    .map(|v| Bounds { lo: v.lo.repeat(horizon), hi: v.hi.repeat(horizon) }),
             },
             rank: problems.iter().map(WindowProblem::rank).max().unwrap_or(0),
             spectral_radius: radius,
@@ -139,8 +158,15 @@ impl Design {
     ) -> Result<WindowProblem, Error> {
         let measured: Vec<bool> = outputs.iter().map(|v| v.is_finite()).collect();
         let bounds = (self.limits.x.as_ref(), self.centered);
-        WindowProblem::new(full.shape, full.space.clone(), &self.scaling, weights, bounds, Some(&measured))
-            .map_err(factorisation)
+        WindowProblem::new(
+            full.shape,
+            full.space.clone(),
+            &self.scaling,
+            weights,
+            bounds,
+            Some(&measured),
+        )
+        .map_err(factorisation)
     }
 }
 
@@ -159,7 +185,12 @@ pub(crate) fn prepared(history: &History, config: &Config) -> Result<(Scaling, D
 }
 
 /// That the recording is too short for its noise, with the length that would do.
-fn too_little(history: &History, config: &Config, rule: &Defaults, horizon: usize) -> Option<String> {
+fn too_little(
+    history: &History,
+    config: &Config,
+    rule: &Defaults,
+    horizon: usize,
+) -> Option<String> {
     let (T, windows) = (history.T(), history.windows(horizon));
     let needed = rule.needed(history.n(), config.horizon)?;
     (T < needed).then(|| {
@@ -172,18 +203,23 @@ fn too_little(history: &History, config: &Config, rule: &Defaults, horizon: usiz
     })
 }
 
-/// Numbers whose squares and quotients are numbers too; a channel of zeros alone is one that never moved.
+/// Numbers whose squares and quotients are numbers too; a channel of zeros alone is one that never
+/// moved.
 fn check_sizes(history: &History) -> Result<(), Error> {
     let (least, most) = tol::SIZES;
     let fits = |v: &f64| *v == 0.0 || (least..=most).contains(v);
-    for (name, of, width) in [("x", History::states as Signal, history.n()), ("y", History::outputs, history.p())] {
+    for (name, of, width) in
+        [("x", History::states as Signal, history.n()), ("y", History::outputs, history.p())]
+    {
         let mut largest = vec![0.0_f64; width];
         for row in (0..history.recordings()).flat_map(|k| of(history, k).chunks_exact(width)) {
             largest.iter_mut().zip(row).for_each(|(largest, v)| *largest = largest.max(v.abs()));
         }
         if let Some(i) = largest.iter().position(|v| !fits(v)) {
-            let expected =
-                format!("{name}{} of magnitudes between {least:e} and {most:e} (in other units, if need be)", i + 1);
+            let expected = format!(
+                "{name}{} of magnitudes between {least:e} and {most:e} (in other units, if need be)",
+                i + 1
+            );
             return Err(Error::value("history", expected, largest[i]));
         }
     }
@@ -195,7 +231,8 @@ fn check_scales(scaling: &Scaling) -> Result<(), Error> {
     let (least, most) = tol::SIZES;
     for (name, s) in [("x", &scaling.s_x), ("y", &scaling.s_y)] {
         if let Some(&s) = s.iter().find(|s| !(least..=most).contains(*s)) {
-            let expected = format!("{name} with standard deviations between {least:e} and {most:e}");
+            let expected =
+                format!("{name} with standard deviations between {least:e} and {most:e}");
             return Err(Error::value("history", expected, s));
         }
     }
@@ -203,7 +240,11 @@ fn check_scales(scaling: &Scaling) -> Result<(), Error> {
 }
 
 /// Weights that leave something of both terms of (17).
-pub(crate) fn check_weights(weights: &Weights, config: &Config, scaling: &Scaling) -> Result<(), Error> {
+pub(crate) fn check_weights(
+    weights: &Weights,
+    config: &Config,
+    scaling: &Scaling,
+) -> Result<(), Error> {
     let [(P, P_most), (R, R_most)] = weights.ranges();
     let fits = |least: f64, most: f64| least > 0.0 && most / least <= tol::WEIGHTS;
     let found = format!("weights between {:.1e} and {:.1e}", P.min(R), P_most.max(R_most));
@@ -216,17 +257,21 @@ pub(crate) fn check_weights(weights: &Weights, config: &Config, scaling: &Scalin
     }
     let paper = config.weighting() == Weighting::Paper;
     let per_mu = scaling.s_y.iter().map(|s| if paper { s * s / weights.unit } else { 1.0 });
-    let (low, high) = per_mu.fold((f64::INFINITY, 0.0_f64), |(low, high), w| (low.min(w), high.max(w)));
+    let (low, high) =
+        per_mu.fold((f64::INFINITY, 0.0_f64), |(low, high), w| (low.min(w), high.max(w)));
     let (least, most) = (P_most / tol::WEIGHTS / low, P * tol::WEIGHTS / high);
     match config.mu {
-        Some(mu) if least <= most => {
-            Err(Error::value("mu", format!("between {least:.1e} and {most:.1e} for this recording"), format!("{mu:e}")))
-        }
+        Some(mu) if least <= most => Err(Error::value(
+            "mu",
+            format!("between {least:.1e} and {most:.1e} for this recording"),
+            format!("{mu:e}"),
+        )),
         _ => Err(Error::value("weights", "units less far apart, or \"scaled\"", found)),
     }
 }
 
-/// A weight on ‖α‖² that leaves something of the cost (17), and of which something is left beside it.
+/// A weight on ‖α‖² that leaves something of the cost (17), and of which something is left beside
+/// it.
 pub(crate) fn check_ridge(weights: &Weights, config: &Config, lambda: f64) -> Result<(), Error> {
     let Space::Ridge { weight, .. } = config.space else { return Ok(()) };
     let [(P, P_most), (R, R_most)] = weights.ranges();
@@ -244,12 +289,19 @@ pub(crate) fn check_ridge(weights: &Weights, config: &Config, lambda: f64) -> Re
 }
 
 /// A state or an output (either may be empty) that is not beyond [`MEASURABLE`](tol::MEASURABLE).
-pub(crate) fn check_reach(argument: &'static str, scaling: &Scaling, x: &[f64], y: &[f64]) -> Result<(), Error> {
+pub(crate) fn check_reach(
+    argument: &'static str,
+    scaling: &Scaling,
+    x: &[f64],
+    y: &[f64],
+) -> Result<(), Error> {
     match scaling.deviations(x, y).position(|v| !(v.abs() <= tol::MEASURABLE)) {
         None => Ok(()),
         Some(k) => {
-            let expected =
-                format!("at most {:.1e} standard deviations of the recording from its mean", tol::MEASURABLE);
+            let expected = format!(
+                "at most {:.1e} standard deviations of the recording from its mean",
+                tol::MEASURABLE
+            );
             Err(Error::value(argument, expected, if k < x.len() { x[k] } else { y[k - x.len()] }))
         }
     }
@@ -265,7 +317,8 @@ fn warnings(config: &Config, settings: &Settings, spectral_radius: f64) -> Vec<S
         ));
     }
     let contraction = 4.0 * settings.rho.powf(settings.horizon as f64);
-    let asked_for = config.certificate.is_none() && (config.horizon.is_some() || config.rho.is_some());
+    let asked_for =
+        config.certificate.is_none() && (config.horizon.is_some() || config.rho.is_some());
     if asked_for && contraction >= 1.0 {
         warnings.push(format!(
             "4 rho^M = {contraction:.4} with rho = {:.6}, M = {}, not below 1 as (33) asks for errors that are sure to shrink; M = {} would \
@@ -276,12 +329,16 @@ fn warnings(config: &Config, settings: &Settings, spectral_radius: f64) -> Vec<S
         ));
     }
     if config.equilibrium.is_some() && !settings.equilibrium_used {
-        warnings.push("equilibrium: not used, the recording shows no noise and is more accurate without it".into());
+        warnings.push(
+            "equilibrium: not used, the recording shows no noise and is more accurate without it"
+                .into(),
+        );
     }
     warnings
 }
 
-/// Outputs that are in the window before the first step: those at the end of the last recording, if that is where it starts.
+/// Outputs that are in the window before the first step: those at the end of the last recording, if
+/// that is where it starts.
 pub(crate) fn filled(history: &History, start: Start, horizon: usize) -> usize {
     let recorded = history.outputs(history.recordings() - 1).len() / history.p();
     if start == Start::Recording { recorded.min(horizon) } else { 0 }
@@ -292,10 +349,16 @@ pub(crate) fn select(space: &Space, rule: &Defaults, weights: &Weights, n: usize
     match *space {
         Space::Auto => rule.selection(weights.mu()),
         Space::Exact => Selection { rank: None, tol: None, penalty: Penalty::None },
-        Space::Truncated { rank: None, tol: None } => Selection { rank: Some(n), tol: None, penalty: Penalty::None },
+        Space::Truncated { rank: None, tol: None } => {
+            Selection { rank: Some(n), tol: None, penalty: Penalty::None }
+        }
         Space::Truncated { rank, tol } => Selection { rank, tol, penalty: Penalty::None },
         Space::Ridge { weight, normalised } => {
-            let penalty = if normalised { Penalty::Normalised(weight) } else { Penalty::Alpha(weight / weights.unit) };
+            let penalty = if normalised {
+                Penalty::Normalised(weight)
+            } else {
+                Penalty::Alpha(weight / weights.unit)
+            };
             Selection { rank: None, tol: None, penalty }
         }
     }

@@ -1,4 +1,5 @@
-//! What can be wrong with an input. A solver's outcome is never an error: see [`Status`](crate::Status).
+//! What can be wrong with an input. A solver's outcome is never an error: see
+//! [`Status`](crate::Status).
 
 use thiserror::Error as ThisError;
 
@@ -48,7 +49,8 @@ pub enum Error {
         /// What the recording offers.
         found: String,
     },
-    /// Measurements contradict the stated model or its bounds: no state is left (interval observers).
+    /// Measurements contradict the stated model or its bounds: no state is left (interval
+    /// observers).
     #[error(
         "{argument}: expected a sample that the model and its bounds allow, found step {step} leaves state {} a gap of \
          {gap:.3e} between its bounds", state + 1
@@ -66,15 +68,27 @@ pub enum Error {
 }
 
 impl Error {
-    pub(crate) fn shape(argument: &'static str, expected: impl ToString, found: impl ToString) -> Self {
+    pub(crate) fn shape(
+        argument: &'static str,
+        expected: impl ToString,
+        found: impl ToString,
+    ) -> Self {
         Error::Shape { argument, expected: expected.to_string(), found: found.to_string() }
     }
 
-    pub(crate) fn value(argument: &'static str, expected: impl ToString, found: impl ToString) -> Self {
+    pub(crate) fn value(
+        argument: &'static str,
+        expected: impl ToString,
+        found: impl ToString,
+    ) -> Self {
         Error::Value { argument, expected: expected.to_string(), found: found.to_string() }
     }
 
-    pub(crate) fn rank(argument: &'static str, expected: impl ToString, found: impl ToString) -> Self {
+    pub(crate) fn rank(
+        argument: &'static str,
+        expected: impl ToString,
+        found: impl ToString,
+    ) -> Self {
         Error::Rank { argument, expected: expected.to_string(), found: found.to_string() }
     }
 }

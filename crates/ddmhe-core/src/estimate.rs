@@ -3,15 +3,16 @@
 use crate::status::Status;
 use serde::{Deserialize, Serialize};
 
-/// The estimate of one step and the evidence behind it. All arrays are time-major, in the user's units.
+/// The estimate of one step and the evidence behind it. All arrays are time-major, in the user's
+/// units.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct Estimate {
     /// x̂(t) (n), from outputs up to y(t-1).
     pub x: Vec<f64>,
     /// The whole estimated window x̂(t-M_t|t) … x̂(t|t), (M_t+1)·n, oldest first.
     pub window: Vec<f64>,
-    /// Fitted noise v̂(t-M_t|t) … v̂(t-1|t), M_t·p; NaN where nothing was measured, or where the output was
-    /// left out (see [`DdMhe::step`](crate::DdMhe::step)).
+    /// Fitted noise v̂(t-M_t|t) … v̂(t-1|t), M_t·p; NaN where nothing was measured, or where the
+    /// output was left out (see [`DdMhe::step`](crate::DdMhe::step)).
     pub v: Vec<f64>,
     /// Cost (17) at the estimate (a weight on ‖α‖² is not part of it).
     pub cost: f64,
@@ -21,7 +22,8 @@ pub struct Estimate {
     pub status: Status,
     /// Number of bounds that the window touches.
     pub active: usize,
-    /// Changes of the active set since the last step (or iterations of the interior-point solver, where that decided).
+    /// Changes of the active set since the last step (or iterations of the interior-point solver,
+    /// where that decided).
     pub iterations: u32,
 }
 

@@ -1,4 +1,5 @@
-//! Whether a recording excites the system: the rank condition (7) and the length that Lemma 1 asks for.
+//! Whether a recording excites the system: the rank condition (7) and the length that Lemma 1 asks
+//! for.
 
 use crate::error::Error;
 use crate::history::History;
@@ -27,13 +28,21 @@ pub struct RankReport {
 impl RankReport {
     pub(crate) fn new(history: &History, depth: usize) -> Self {
         let n = history.n();
-        let starts: Vec<&[f64]> =
-            history.hankel(depth).flat_map(|(H_x, _)| H_x.columns().map(move |x| &x[..n])).collect();
+        let starts: Vec<&[f64]> = history
+            .hankel(depth)
+            .flat_map(|(H_x, _)| H_x.columns().map(move |x| &x[..n]))
+            .collect();
         let largest = |i: usize| starts.iter().fold(0.0_f64, |m, x| m.max(x[i].abs()));
         let scale: Vec<f64> = (0..n).map(largest).map(|s| if s > 0.0 { s } else { 1.0 }).collect();
         // (n+1) × N
-        let M = Mat::from_fn(n + 1, starts.len(), |i, k| if i < n { starts[k][i] / scale[i] } else { 1.0 });
-        // The singular value iteration cannot fail on finite data; an empty list would read as rank 0.
+        let M =
+            Mat::from_fn(
+                n + 1,
+                starts.len(),
+                |i, k| if i < n { starts[k][i] / scale[i] } else { 1.0 },
+            );
+        // The singular value iteration cannot fail on finite data; an empty list would read as rank
+        // 0.
         let singular_values = M.singular_values().unwrap_or_default();
         let sigma_1 = singular_values.first().copied().unwrap_or(0.0);
         let tolerance = tol::RANK_EPS * starts.len().max(n + 1) as f64 * sigma_1;
@@ -62,7 +71,9 @@ pub(crate) fn check_excitation(history: &History, horizon: usize) -> Result<(), 
                 ),
                 horizon,
             ),
-            None => Error::rank("history", format!("at least n + 1 = {} outputs", n + 1), history.T()),
+            None => {
+                Error::rank("history", format!("at least n + 1 = {} outputs", n + 1), history.T())
+            }
         });
     }
     let report = history.rank(horizon)?;
@@ -91,7 +102,11 @@ impl History {
         if depth == 0 || self.windows(depth) == 0 {
             let lengths = (0..self.recordings()).map(|i| self.outputs(i).len() / self.p());
             let longest = lengths.max().unwrap_or(0);
-            return Err(Error::value("depth", format!("1 to {longest}, the longest recording's T"), depth));
+            return Err(Error::value(
+                "depth",
+                format!("1 to {longest}, the longest recording's T"),
+                depth,
+            ));
         }
         Ok(RankReport::new(self, depth))
     }

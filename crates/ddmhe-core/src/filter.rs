@@ -1,8 +1,10 @@
-//! The estimator where nothing is bounded and every output was measured: a linear map, and all that scoring settings needs.
+//! The estimator where nothing is bounded and every output was measured: a linear map, and all that
+//! scoring settings needs.
 //!
-//! z* is linear in [x̄; y] and x̂(t) is the last state of c + A z*, so that x̂ = g + G [x̄; y] with n rows: a step costs next
-//! to nothing, and settings that differ in weights and trajectory space only share the decomposition of the windows. Numbers
-//! agree with [`DdMhe`](crate::DdMhe) to rounding; what goes beyond numbers that can be computed with is left to it.
+//! z* is linear in [x̄; y] and x̂(t) is the last state of c + A z*, so that x̂ = g + G [x̄; y] with
+//! n rows: a step costs next to nothing, and settings that differ in weights and trajectory space
+//! only share the decomposition of the windows. Numbers agree with [`DdMhe`](crate::DdMhe) to
+//! rounding; what goes beyond numbers that can be computed with is left to it.
 
 use crate::config::{Config, Start, validate};
 use crate::defaults::Defaults;
@@ -17,7 +19,8 @@ use crate::weights::Weights;
 use faer::Mat;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// Whether an estimator with these settings is such a map. From an unknown state its first windows are another's.
+/// Whether an estimator with these settings is such a map. From an unknown state its first windows
+/// are another's.
 pub(crate) fn is_linear(config: &Config) -> bool {
     let bounded = config.x_bounds.is_some() || config.v_bounds.is_some();
     !bounded && config.certificate.is_none() && config.start != Start::Unknown
@@ -47,33 +50,40 @@ pub(crate) struct Filters<'a> {
 }
 
 impl<'a> Filters<'a> {
-    /// For configurations that differ in weights and space only, or for one that leaves the horizon open: with it the
-    /// recording may choose other scales, see [`challenge`](crate::challenge). Unfinished when `stopped`.
+    /// For configurations that differ in weights and space only, or for one that leaves the horizon
+    /// open: with it the recording may choose other scales, see [`challenge`](crate::challenge).
+    /// Unfinished when `stopped`.
     ///
     /// # Errors
     /// As [`DdMhe::new`](crate::DdMhe::new), for what all settings share.
-    pub fn new(history: &'a History, configs: &[&'a Config], stopped: &AtomicBool) -> Result<Self, Error> {
+    pub fn new(
+        history: &'a History,
+        configs: &[&'a Config],
+        stopped: &AtomicBool,
+    ) -> Result<Self, Error> {
         let config = configs[0];
         let going = || !stopped.load(Ordering::Relaxed);
         let Some(horizon) = config.horizon else {
             // with a full window from the start: the one depth at which the choice is made
             let design = Design::new(history, config, Start::Recording)?;
             let (horizon, rested) = (design.settings.horizon, design.settings.equilibrium_used);
-            let windows = Windows::new(history, &design.scaling, horizon, config.rest().filter(|_| rested));
+            let windows =
+                Windows::new(history, &design.scaling, horizon, config.rest().filter(|_| rested));
             let settings = vec![windows.setting(design.weights.clone(), design.selection)];
             let settings = windows.deepened(settings, config, &going);
             return Ok(Filters { history, config, scaling: design.scaling, horizon, settings });
         };
         let (scaling, rule) = prepared(history, config)?;
         check_excitation(history, horizon)?;
-        let windows = Windows::new(history, &scaling, horizon, config.rest().filter(|_| rule.noisy));
+        let windows =
+            Windows::new(history, &scaling, horizon, config.rest().filter(|_| rule.noisy));
         let setting = |config: &&Config| going().then(|| windows.guarded(config, &rule)).flatten();
         let settings = windows.deepened(configs.iter().map(setting).collect(), config, &going);
         Ok(Filters { history, config, scaling, horizon, settings })
     }
 
-    /// Spectral radius of setting `k` and its estimates (N·n) of outputs (N·p), from a prior if it starts from a state; None if
-    /// it cannot be used, or if a number is out of reach.
+    /// Spectral radius of setting `k` and its estimates (N·n) of outputs (N·p), from a prior if it
+    /// starts from a state; None if it cannot be used, or if a number is out of reach.
     pub fn run(&self, k: usize, x_prior: &[f64], outputs: &[f64]) -> Option<(f64, Vec<f64>)> {
         let setting = self.settings[k].as_ref()?;
         let (n, p) = (self.history.n(), self.history.p());
@@ -82,7 +92,8 @@ impl<'a> Filters<'a> {
         let (x, y) = (self.history.states(last), self.history.outputs(last));
         let recorded = &x[x.len() - (filled + 1) * n..];
         let first = if self.config.start == Start::State { x_prior } else { recorded };
-        let mut states: Vec<f64> = first.chunks_exact(n).flat_map(|x| self.scaling.deviations(x, &[])).collect();
+        let mut states: Vec<f64> =
+            first.chunks_exact(n).flat_map(|x| self.scaling.deviations(x, &[])).collect();
         let before = y[y.len() - filled * p..].chunks_exact(p);
         let mut past: Vec<f64> = before.flat_map(|y| self.scaling.deviations(&[], y)).collect();
         let mut estimates = Vec::with_capacity(outputs.len() / p * n);
@@ -111,14 +122,29 @@ struct Windows<'a> {
 }
 
 impl<'a> Windows<'a> {
-    fn new(history: &'a History, scaling: &'a Scaling, horizon: usize, rest: Option<(&[f64], &[f64])>) -> Self {
-        Windows { history, scaling, horizon, stack: WindowStack::new(history, scaling, horizon, rest) }
+    fn new(
+        history: &'a History,
+        scaling: &'a Scaling,
+        horizon: usize,
+        rest: Option<(&[f64], &[f64])>,
+    ) -> Self {
+        Windows {
+            history,
+            scaling,
+            horizon,
+            stack: WindowStack::new(history, scaling, horizon, rest),
+        }
     }
 
     /// A setting with the map of the deepest window.
     fn setting(&self, weights: Weights, selection: Selection) -> Option<Setting> {
         let deepest = self.gain(self.horizon, &weights, &selection)?;
-        Some(Setting { spectral_radius: deepest.spectral_radius(), weights, selection, gains: vec![deepest] })
+        Some(Setting {
+            spectral_radius: deepest.spectral_radius(),
+            weights,
+            selection,
+            gains: vec![deepest],
+        })
     }
 
     /// The same of a configuration, its weight raised as [`Design`] does.
@@ -176,13 +202,15 @@ impl Gain {
     /// Entry i of the estimate.
     fn row(&self, i: usize, prior: &[f64], outputs: &[f64]) -> f64 {
         let gains = self.G.col(i).iter();
-        self.constant[i] + prior.iter().chain(outputs).zip(gains).map(|(v, gain)| v * gain).sum::<f64>()
+        self.constant[i]
+            + prior.iter().chain(outputs).zip(gains).map(|(v, gain)| v * gain).sum::<f64>()
     }
 
     /// Of the map x̄(t-m) → x̂(t); NaN where the iteration fails.
     fn spectral_radius(&self) -> f64 {
         let n = self.constant.len();
         let map = self.G.subrows(0, n).transpose().to_owned();
-        map.eigenvalues().map_or(f64::NAN, |values| values.iter().map(|z| z.norm()).fold(0.0, f64::max))
+        map.eigenvalues()
+            .map_or(f64::NAN, |values| values.iter().map(|z| z.norm()).fold(0.0, f64::max))
     }
 }

@@ -5,7 +5,8 @@ use faer::Mat;
 
 /// H_depth(u) of a signal u with `width` channels: column k stacks u(k), …, u(k+depth-1).
 ///
-/// A view: stored time-major, a column is a contiguous slice of the recording, so no depth costs a copy.
+/// A view: stored time-major, a column is a contiguous slice of the recording, so no depth costs a
+/// copy.
 #[derive(Debug, Clone, Copy)]
 pub struct BlockHankel<'a> {
     signal: &'a [f64],
@@ -25,7 +26,11 @@ impl<'a> BlockHankel<'a> {
             }
         }
         if !signal.len().is_multiple_of(width) {
-            return Err(Error::shape("signal", format!("a multiple of width = {width} numbers"), signal.len()));
+            return Err(Error::shape(
+                "signal",
+                format!("a multiple of width = {width} numbers"),
+                signal.len(),
+            ));
         }
         Ok(BlockHankel { signal, width, depth })
     }
@@ -47,7 +52,11 @@ impl<'a> BlockHankel<'a> {
     pub fn col(&self, k: usize) -> Result<&'a [f64], Error> {
         let columns = self.ncols();
         if k >= columns {
-            return Err(Error::value("k", format!("less than the number of columns, {columns}"), k));
+            return Err(Error::value(
+                "k",
+                format!("less than the number of columns, {columns}"),
+                k,
+            ));
         }
         Ok(&self.signal[k * self.width..(k + self.depth) * self.width])
     }

@@ -13,9 +13,9 @@ pub(crate) struct Recording {
 
 /// Validated recordings of one system: the data that stand in for its model.
 ///
-/// States x (n channels) and outputs y (p channels) were taken together; each recording has one more
-/// state than outputs, x[-T..0] and y[-T..-1] of Liu 2026, Section III. Several recordings may be
-/// joined with [`History::concat`]; no window ever crosses a seam.
+/// States x (n channels) and outputs y (p channels) were taken together; each recording has one
+/// more state than outputs, x[-T..0] and y[-T..-1] of Liu 2026, Section III. Several recordings may
+/// be joined with [`History::concat`]; no window ever crosses a seam.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct History {
     n: usize,
@@ -68,12 +68,17 @@ impl History {
         Ok(History { n, p, dt, recordings, x_units: unknown(n), y_units: unknown(p) })
     }
 
-    /// The same history with the units of its channels: channels of one unit share a scale. Each list holds one name a channel, or
-    /// a single one for all; an empty name is an unknown unit, unlike every other.
+    /// The same history with the units of its channels: channels of one unit share a scale. Each
+    /// list holds one name a channel, or a single one for all; an empty name is an unknown unit,
+    /// unlike every other.
     ///
     /// # Errors
     /// [`Error::Shape`] for a list of another length.
-    pub fn with_units<S: AsRef<str>>(mut self, x_units: &[S], y_units: &[S]) -> Result<Self, Error> {
+    pub fn with_units<S: AsRef<str>>(
+        mut self,
+        x_units: &[S],
+        y_units: &[S],
+    ) -> Result<Self, Error> {
         self.x_units = units("x_units", x_units, self.n)?;
         self.y_units = units("y_units", y_units, self.p)?;
         Ok(self)
@@ -94,8 +99,9 @@ impl History {
     /// # Errors
     /// [`Error::Shape`] when the list is empty or channel counts differ, [`Error::Value`] when `dt` or a unit differs.
     pub fn concat(histories: &[History]) -> Result<Self, Error> {
-        let first =
-            histories.first().ok_or_else(|| Error::shape("histories", "at least one History", "an empty list"))?;
+        let first = histories
+            .first()
+            .ok_or_else(|| Error::shape("histories", "at least one History", "an empty list"))?;
         let mut joined = first.clone();
         for h in &histories[1..] {
             if (h.n, h.p) != (first.n, first.p) {
@@ -117,7 +123,11 @@ impl History {
                 }
             }
             if (h.dt - first.dt).abs() > 1e-9 * first.dt {
-                return Err(Error::value("histories", format!("dt = {} s in every recording", first.dt), h.dt));
+                return Err(Error::value(
+                    "histories",
+                    format!("dt = {} s in every recording", first.dt),
+                    h.dt,
+                ));
             }
             joined.recordings.extend_from_slice(&h.recordings);
         }
@@ -126,8 +136,11 @@ impl History {
 
     /// The same history, checked again: for one that came from outside this process.
     pub(crate) fn revalidated(&self) -> Result<Self, Error> {
-        let parts: Result<Vec<History>, Error> =
-            self.recordings.iter().map(|r| History::new(self.n, self.p, &r.x, &r.y, self.dt)).collect();
+        let parts: Result<Vec<History>, Error> = self
+            .recordings
+            .iter()
+            .map(|r| History::new(self.n, self.p, &r.x, &r.y, self.dt))
+            .collect();
         History::concat(&parts?)?.with_units(&self.x_units, &self.y_units)
     }
 
@@ -175,7 +188,9 @@ impl History {
 
     fn recording(&self, i: usize) -> Result<&Recording, Error> {
         let last = self.recordings.len() - 1;
-        self.recordings.get(i).ok_or_else(|| Error::value("i", format!("0 to {last}, a recording's number"), i))
+        self.recordings
+            .get(i)
+            .ok_or_else(|| Error::value("i", format!("0 to {last}, a recording's number"), i))
     }
 
     /// As [`x`](Self::x), for a recording that is known to be there.
@@ -199,27 +214,43 @@ impl History {
         self.recordings.iter().map(|r| (r.y.len() / self.p + 1).saturating_sub(depth)).sum()
     }
 
-    /// H_{depth+1}(x) and H_depth(y) of each recording that is long enough, without copying; none for depth 0.
+    /// H_{depth+1}(x) and H_depth(y) of each recording that is long enough, without copying; none
+    /// for depth 0.
     pub fn hankel(&self, depth: usize) -> impl Iterator<Item = (BlockHankel<'_>, BlockHankel<'_>)> {
         self.recordings.iter().filter(move |r| r.y.len() / self.p >= depth).filter_map(move |r| {
-            Some((BlockHankel::new(&r.x, self.n, depth + 1).ok()?, BlockHankel::new(&r.y, self.p, depth).ok()?))
+            Some((
+                BlockHankel::new(&r.x, self.n, depth + 1).ok()?,
+                BlockHankel::new(&r.y, self.p, depth).ok()?,
+            ))
         })
     }
 }
 
 /// One unit a channel, from as many or from one for all.
-fn units(argument: &'static str, given: &[impl AsRef<str>], channels: usize) -> Result<Vec<String>, Error> {
+fn units(
+    argument: &'static str,
+    given: &[impl AsRef<str>],
+    channels: usize,
+) -> Result<Vec<String>, Error> {
     match given {
         [one] => Ok(vec![one.as_ref().trim().to_string(); channels]),
-        all if all.len() == channels => Ok(all.iter().map(|unit| unit.as_ref().trim().to_string()).collect()),
+        all if all.len() == channels => {
+            Ok(all.iter().map(|unit| unit.as_ref().trim().to_string()).collect())
+        }
         _ => Err(Error::shape(argument, format!("1 or {channels} names"), given.len())),
     }
 }
 
 /// Rejects NaN and infinity, naming the place.
-pub(crate) fn check_finite(argument: &'static str, values: &[f64], width: usize) -> Result<(), Error> {
+pub(crate) fn check_finite(
+    argument: &'static str,
+    values: &[f64],
+    width: usize,
+) -> Result<(), Error> {
     match values.iter().position(|v| !v.is_finite()) {
         None => Ok(()),
-        Some(k) => Err(Error::NotFinite { argument, row: k / width, column: k % width, value: values[k] }),
+        Some(k) => {
+            Err(Error::NotFinite { argument, row: k / width, column: k % width, value: values[k] })
+        }
     }
 }

@@ -9,7 +9,8 @@ use std::time::{Duration, Instant};
 
 /// How long work goes on before it asks again whether to stop.
 const PAUSE: Duration = Duration::from_millis(50);
-/// Steps between two looks at the clock, at most: a look costs as much as a tenth of the shortest step.
+/// Steps between two looks at the clock, at most: a look costs as much as a tenth of the shortest
+/// step.
 const STRIDE: u32 = 32;
 
 /// Asks now and then, from inside a loop, whether to stop.
@@ -39,7 +40,8 @@ impl<'a> Interrupt<'a> {
     fn look(&mut self) -> bool {
         let now = Instant::now();
         // short turns: more of them until the next look; long ones: each
-        self.stride = if now - self.looked < PAUSE / 16 { (2 * self.stride).min(STRIDE) } else { 1 };
+        self.stride =
+            if now - self.looked < PAUSE / 16 { (2 * self.stride).min(STRIDE) } else { 1 };
         (self.looked, self.left) = (now, self.stride);
         if now - self.asked < PAUSE {
             return false;
@@ -51,9 +53,9 @@ impl<'a> Interrupt<'a> {
 
 /// `work` of every item on all cores, in the items' order; None for those that `stop` came before.
 ///
-/// The threads are made for this call and end with it: a forked process can call it again, which a pool that outlives the
-/// call forbids (its threads do not exist in the child). `stop` is asked every 50 ms by the calling thread, with the number of
-/// items done; `work` is told by the flag.
+/// The threads are made for this call and end with it: a forked process can call it again, which a
+/// pool that outlives the call forbids (its threads do not exist in the child). `stop` is asked
+/// every 50 ms by the calling thread, with the number of items done; `work` is told by the flag.
 ///
 /// # Errors
 /// [`Error::Value`] where the system gives no threads.
@@ -73,18 +75,26 @@ pub(crate) fn on_all_cores<T: Send, R: Send>(
         let all = || {
             // taken in their order, so that what is finished when `stop` comes are the first
             let numbered = items.into_iter().enumerate().par_bridge();
-            let mut found: Vec<(usize, Option<R>)> = numbered.map(|(k, item)| (k, one(item))).collect();
+            let mut found: Vec<(usize, Option<R>)> =
+                numbered.map(|(k, item)| (k, one(item))).collect();
             found.sort_unstable_by_key(|(k, _)| *k);
             found.into_iter().map(|(_, found)| found).collect()
         };
         scope.spawn(move || {
-            let found = ThreadPoolBuilder::new().build_scoped(ThreadBuilder::run, |pool| pool.install(all));
+            let found =
+                ThreadPoolBuilder::new().build_scoped(ThreadBuilder::run, |pool| pool.install(all));
             drop(send.send(found)); // the receiver waits for it
         });
         loop {
             match receive.recv_timeout(PAUSE) {
                 Ok(Ok(found)) => return Ok(found),
-                Ok(Err(e)) => return Err(Error::value("RAYON_NUM_THREADS", "as many threads as the system gives", e)),
+                Ok(Err(e)) => {
+                    return Err(Error::value(
+                        "RAYON_NUM_THREADS",
+                        "as many threads as the system gives",
+                        e,
+                    ));
+                }
                 Err(RecvTimeoutError::Timeout) => {
                     if stop(done.load(Ordering::Relaxed)) {
                         stopped.store(true, Ordering::Relaxed);

@@ -1,15 +1,18 @@
-//! Interval arithmetic that rounds outward: the exact result of every operation lies in the interval that it returns.
+//! Interval arithmetic that rounds outward: the exact result of every operation lies in the
+//! interval that it returns.
 //!
-//! The basic operations of IEEE 754 are exact to half a unit in the last place, so one step of `next_down`/`next_up`
-//! encloses them. sin, cos and exp come from the crate `libm`, the same on every platform, whose error is below one unit;
-//! two steps enclose them. (The crate inari has directed rounding but builds its elementary functions only with MPFR and
-//! needs AVX at compile time, so it does not serve ordinary targets.)
+//! The basic operations of IEEE 754 are exact to half a unit in the last place, so one step of
+//! `next_down`/`next_up` encloses them. sin, cos and exp come from the crate `libm`, the same on
+//! every platform, whose error is below one unit; two steps enclose them. (The crate inari has
+//! directed rounding but builds its elementary functions only with MPFR and needs AVX at compile
+//! time, so it does not serve ordinary targets.)
 
 use serde::{Deserialize, Serialize};
 use std::f64::consts::PI;
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
-/// A closed interval \[lo, hi\], lo ≤ hi; an end may be infinite, never NaN. Never empty: what can be is an `Option`.
+/// A closed interval \[lo, hi\], lo ≤ hi; an end may be infinite, never NaN. Never empty: what can
+/// be is an `Option`.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Interval {
     /// Lower end.
@@ -130,7 +133,8 @@ impl Interval {
         self.wave(libm::cos, Interval::ZERO)
     }
 
-    /// A function that is 1 where x/π - shift is an even whole number, -1 where it is odd, and monotone between.
+    /// A function that is 1 where x/π - shift is an even whole number, -1 where it is odd, and
+    /// monotone between.
     fn wave(self, f: fn(f64) -> f64, shift: Interval) -> Self {
         const WHOLE: Interval = Interval { lo: -1.0, hi: 1.0 };
         // Beyond 2^50 the quotient by π has no correct parity; a width of 7 holds a whole period.
@@ -208,15 +212,20 @@ impl Div for Interval {
             }
             let lo = ends.iter().copied().fold(f64::INFINITY, f64::min);
             let hi = ends.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-            // An end that is infinite divided by a finite one stays infinite; 0 stands for "towards infinity".
+            // An end that is infinite divided by a finite one stays infinite; 0 stands for "towards
+            // infinity".
             return Interval { lo: down(lo), hi: up(hi) };
         }
         match (other.lo == 0.0, other.hi == 0.0) {
             _ if self.contains(0.0) => Interval::ENTIRE,
             (true, true) | (false, false) => Interval::ENTIRE,
-            (true, false) if self.lo > 0.0 => Interval { lo: down(reach(other.hi, self.lo)), hi: f64::INFINITY },
+            (true, false) if self.lo > 0.0 => {
+                Interval { lo: down(reach(other.hi, self.lo)), hi: f64::INFINITY }
+            }
             (true, false) => Interval { lo: f64::NEG_INFINITY, hi: up(reach(other.hi, self.hi)) },
-            (false, true) if self.lo > 0.0 => Interval { lo: f64::NEG_INFINITY, hi: up(reach(other.lo, self.lo)) },
+            (false, true) if self.lo > 0.0 => {
+                Interval { lo: f64::NEG_INFINITY, hi: up(reach(other.lo, self.lo)) }
+            }
             (false, true) => Interval { lo: down(reach(other.lo, self.hi)), hi: f64::INFINITY },
         }
     }

@@ -1,10 +1,12 @@
-//! Data-driven moving horizon estimation (Dd-MHE): the state of a system from its outputs and one recording, with no model.
+//! Data-driven moving horizon estimation (Dd-MHE): the state of a system from its outputs and one
+//! recording, with no model.
 //!
 //! # The problem
-//! A system x(t+1) = A x(t) + e + w(t), y(t) = C x(t) + r + v(t) with A, e, C, r unknown was once recorded: states
-//! x\[-T..0\] and outputs y\[-T..-1\]. From then on only outputs are measured. By Willems' fundamental lemma every window of the
-//! noise-free system is a combination α of recorded windows with 1ᵀα = 1, so at each time t the estimator solves, over
-//! α, x̂ and v̂ and with M_t = min(t, M),
+//! A system x(t+1) = A x(t) + e + w(t), y(t) = C x(t) + r + v(t) with A, e, C, r unknown was once
+//! recorded: states x\[-T..0\] and outputs y\[-T..-1\]. From then on only outputs are measured. By
+//! Willems' fundamental lemma every window of the noise-free system is a combination α of recorded
+//! windows with 1ᵀα = 1, so at each time t the estimator solves, over α, x̂ and v̂ and with M_t =
+//! min(t, M),
 //!
 //! > minimise 2 ρ^{M_t} ‖x̂(t-M_t) - x̄(t-M_t)‖² + Σ_{j=1..M_t} ρ^{j-1} μ ‖v̂(t-j)‖²    (17)
 //! >
@@ -12,28 +14,32 @@
 //! >
 //! > x̂ ∈ X, v̂ ∈ V    (16c, 16d)
 //!
-//! and returns x̂(t). The prior x̄ is the estimate made M_t steps ago. Equation numbers are those of
-//! X. Liu, H. Chang, F. Hui, Z. Lu, Y. Zhang, P. Huang, "Data-driven Moving Horizon Estimation for Angular Velocity of
-//! Space Noncooperative Target in Electromagnetic De-tumbling Mission", arXiv 2301.05351v3, cited as Liu 2026.
+//! and returns x̂(t). The prior x̄ is the estimate made M_t steps ago. Equation numbers are those
+//! of X. Liu, H. Chang, F. Hui, Z. Lu, Y. Zhang, P. Huang, "Data-driven Moving Horizon Estimation
+//! for Angular Velocity of Space Noncooperative Target in Electromagnetic De-tumbling Mission",
+//! arXiv 2301.05351v3, cited as Liu 2026.
 //!
 //! # A tour
-//! Data flow from the recording to the estimate, one noun a module:
-//! `history` ([`History`]) → `hankel` ([`BlockHankel`]), `excitation` (rank condition (7)) → [`space`] ([`TrajectorySpace`]: (16b) as mean + basis)
-//! → `reduction` (one QR: a least-distance problem) → `window` (the problem of one depth, laid out for speed on `panels`)
-//! → `mhe` ([`DdMhe`]: Algorithm 1, over a `memory` that is allocated once) → `estimate` ([`Estimate`]). What is computed at construction is a
+//! Data flow from the recording to the estimate, one noun a module: `history` ([`History`]) →
+//! `hankel` ([`BlockHankel`]), `excitation` (rank condition (7)) → [`space`] ([`TrajectorySpace`]:
+//! (16b) as mean + basis) → `reduction` (one QR: a least-distance problem) → `window` (the problem
+//! of one depth, laid out for speed on `panels`) → `mhe` ([`DdMhe`]: Algorithm 1, over a `memory`
+//! that is allocated once) → `estimate` ([`Estimate`]). What is computed at construction is a
 //! `design`, which copies of an estimator share; `many` runs them on all cores.
 //! [`Certificate`] replaces the scalar weights by matrices for which the error is known to shrink, and bounds it step by step.
-//! What the closed form does not solve, the dual method of `active_set` does, or else `way_out`, which checks what Clarabel proposes;
-//! no file but `qp` names that.
-//! `watch` looks at single channels: at rest in the recording, or an angle that jumps by a turn.
+//! What the closed form does not solve, the dual method of `active_set` does, or else `way_out`,
+//! which checks what Clarabel proposes; no file but `qp` names that. `watch` looks at single
+//! channels: at rest in the recording, or an angle that jumps by a turn.
 //! [`defaults`] is the rule for settings that are not given; [`tol`] holds every tolerance with its reason.
 //!
-//! The second method of the crate puts a guaranteed interval around a state: [`interval`] (arithmetic that rounds outward),
+//! The second method of the crate puts a guaranteed interval around a state: [`interval`]
+//! (arithmetic that rounds outward),
 //! [`Zonotope`], [`observer`] ([`IntervalObserver`]: a zonotope, an ellipsoid and a box side by side).
 //!
 //! # Notation
-//! m = M_t outputs in the window, N windows of the recording, d = (m+1) n + m p rows of a window, r directions kept. "Scaled": in units
-//! of each channel's [scale](Scaling), deviations from the recording's mean.
+//! m = M_t outputs in the window, N windows of the recording, d = (m+1) n + m p rows of a window, r
+//! directions kept. "Scaled": in units of each channel's [scale](Scaling), deviations from the
+//! recording's mean.
 //!
 //! | symbol | identifier | shape | unit | equation |
 //! |---|---|---|---|---|

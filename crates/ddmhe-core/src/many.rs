@@ -10,10 +10,12 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 /// [`DdMhe::run`] of many estimators over as many logs, on all cores: the same numbers, in the same order.
 ///
-/// `stop` is asked every 50 ms, with the number of logs done; after true, logs hold what was finished by then.
+/// `stop` is asked every 50 ms, with the number of logs done; after true, logs hold what was
+/// finished by then.
 ///
 /// # Errors
-/// The first log's error, in order; as for [`DdMhe::run`] its estimator is then unchanged, the others have run.
+/// The first log's error, in order; as for [`DdMhe::run`] its estimator is then unchanged, the
+/// others have run.
 pub fn run_many(
     estimators: &mut [&mut DdMhe],
     logs: &[&[f64]],
@@ -21,15 +23,24 @@ pub fn run_many(
 ) -> Result<Vec<Log>, Error> {
     same_length(estimators.len(), logs.len())?;
     let items = estimators.iter_mut().zip(logs).collect();
-    collected(on_all_cores(items, |(estimator, log), stopped| until(estimator, log, stopped), stop)?)
+    collected(on_all_cores(
+        items,
+        |(estimator, log), stopped| until(estimator, log, stopped),
+        stop,
+    )?)
 }
 
 /// [`DdMhe::run`] of as many copies of one estimator as there are logs, on all cores: each log continues from where the
-/// estimator is, which itself does not move. What was computed at construction is shared. `stop` as for [`run_many`].
+/// estimator is, which itself does not move. What was computed at construction is shared. `stop` as
+/// for [`run_many`].
 ///
 /// # Errors
 /// The first log's error, in order; as for [`DdMhe::run`].
-pub fn run_copies(estimator: &DdMhe, logs: &[&[f64]], stop: &mut dyn FnMut(usize) -> bool) -> Result<Vec<Log>, Error> {
+pub fn run_copies(
+    estimator: &DdMhe,
+    logs: &[&[f64]],
+    stop: &mut dyn FnMut(usize) -> bool,
+) -> Result<Vec<Log>, Error> {
     let run = |log: &[f64], stopped: &AtomicBool| until(&mut estimator.clone(), log, stopped);
     collected(on_all_cores(logs.to_vec(), run, stop)?)
 }

@@ -1,4 +1,5 @@
-//! The numbers of a running estimator, in one block that is allocated once: the moving window and the room that a step works in.
+//! The numbers of a running estimator, in one block that is allocated once: the moving window and
+//! the room that a step works in.
 
 use crate::active_set::work_len;
 use crate::panels::padded;
@@ -6,8 +7,8 @@ use crate::tol;
 use crate::window::Scratch;
 use std::ops::Range;
 
-/// The last samples of a signal, contiguous in memory: the window slides through a longer stretch and moves back to its
-/// beginning once at the end of it, so that a step costs no shift.
+/// The last samples of a signal, contiguous in memory: the window slides through a longer stretch
+/// and moves back to its beginning once at the end of it, so that a step costs no shift.
 #[derive(Debug, Clone)]
 struct SlidingBuffer {
     at: usize,    // where the stretch begins
@@ -85,7 +86,14 @@ impl Memory {
         let aside = padded(room * p) + padded(room * n);
         let scratch = aside + padded(depth * p);
         let Sizes { rank, window, outputs, hessian_factor, block, moved } = sizes;
-        let len = scratch + 2 * rank + 3 * window + outputs + hessian_factor + block + moved + work_len(r);
+        let len = scratch
+            + 2 * rank
+            + 3 * window
+            + outputs
+            + hessian_factor
+            + block
+            + moved
+            + work_len(r);
         let slide = |at, width| SlidingBuffer { at, width, room, start: 0, len: 0 };
         Memory {
             block: vec![0.0; len],
@@ -155,7 +163,8 @@ impl Memory {
         most.map_or(0, |(_, k)| k / self.outputs.width)
     }
 
-    /// From now on these samples of the window count as not measured; [`take_back`](Self::take_back) undoes it.
+    /// From now on these samples of the window count as not measured;
+    /// [`take_back`](Self::take_back) undoes it.
     pub fn set_aside(&mut self, samples: Range<usize>) {
         let (p, window) = (self.outputs.width, self.outputs.window());
         self.block.copy_within(window.clone(), self.aside);
@@ -185,7 +194,10 @@ impl Memory {
     /// Another newest state, as scaled deviations.
     pub fn replace_newest(&mut self, x: impl Iterator<Item = f64>) {
         let window = self.states.window();
-        self.block[window.end - self.states.width..window.end].iter_mut().zip(x).for_each(|(slot, x)| *slot = x);
+        self.block[window.end - self.states.width..window.end]
+            .iter_mut()
+            .zip(x)
+            .for_each(|(slot, x)| *slot = x);
     }
 
     /// Other states for those of the window, as scaled deviations.
@@ -224,7 +236,18 @@ impl Memory {
         let (hessian_factor, room) = room.split_at_mut(self.sizes.hessian_factor);
         let (block, room) = room.split_at_mut(self.sizes.block);
         let (moved, work) = room.split_at_mut(self.sizes.moved);
-        let scratch = Scratch { free, z, window: answer, lo, hi, outputs, hessian_factor, block, moved, work };
+        let scratch = Scratch {
+            free,
+            z,
+            window: answer,
+            lo,
+            hi,
+            outputs,
+            hessian_factor,
+            block,
+            moved,
+            work,
+        };
         (&window[self.states.window()], &window[self.outputs.window()], scratch)
     }
 }

@@ -1,24 +1,29 @@
 //! Data-driven moving horizon estimation: Algorithm 1 of Liu 2026.
 //!
-//! At time t the window is y(t-M_t) … y(t-1) with M_t = min(t, M); the estimate is x̂(t), made from outputs up to
-//! y(t-1). The prior x̄(t-M_t) is x̄(0) while the window grows and afterwards the estimate made at that time
-//! (filtering update).
+//! At time t the window is y(t-M_t) … y(t-1) with M_t = min(t, M); the estimate is x̂(t), made from
+//! outputs up to y(t-1). The prior x̄(t-M_t) is x̄(0) while the window grows and afterwards the
+//! estimate made at that time (filtering update).
 //!
-//! *Where there is no minimiser.* An entry of y that is more than 1/ε deviations from the recording is one that cannot be computed
-//! with: it counts as not measured, now and later, and the status of its step is [`Status::Failed`]. If no window satisfies all
-//! bounds and the noise is bounded, the newest output is one that no admissible window explains: it is left out in the same way, and
-//! the estimate is that of the other outputs, within all bounds; its status stays [`Status::Infeasible`]. Where the three samples
-//! before it say nothing (they were left out, or lost) it is believed instead, the older ones are left out, and the past estimates
-//! are those of this window. A window whose answer cannot be computed loses the output furthest out, or the newest. Where none of
-//! that helps, the box is at fault: what is handed out is the minimiser without bounds, its states moved into the box in force, and
-//! x̄ of later steps is that estimate in the configured box alone: a box of one step is not remembered. An estimate that is
-//! itself beyond 1/ε deviations is none: the window starts again from the recording's mean and from no output.
+//! *Where there is no minimiser.* An entry of y that is more than 1/ε deviations from the recording
+//! is one that cannot be computed with: it counts as not measured, now and later, and the status of
+//! its step is [`Status::Failed`]. If no window satisfies all bounds and the noise is bounded, the
+//! newest output is one that no admissible window explains: it is left out in the same way, and the
+//! estimate is that of the other outputs, within all bounds; its status stays
+//! [`Status::Infeasible`]. Where the three samples before it say nothing (they were left out, or
+//! lost) it is believed instead, the older ones are left out, and the past estimates are those of
+//! this window. A window whose answer cannot be computed loses the output furthest out, or the
+//! newest. Where none of that helps, the box is at fault: what is handed out is the minimiser
+//! without bounds, its states moved into the box in force, and x̄ of later steps is that estimate
+//! in the configured box alone: a box of one step is not remembered. An estimate that is itself
+//! beyond 1/ε deviations is none: the window starts again from the recording's mean and from no
+//! output.
 
 use crate::active_set::{ActiveBound, WorkingSet};
 use crate::certificate::ErrorBound;
 use crate::check::check_vector;
 use crate::config::{
-    Bounds, Config, Settings, Start, check_beside, check_box, check_measured, check_output, check_start,
+    Bounds, Config, Settings, Start, check_beside, check_box, check_measured, check_output,
+    check_start,
 };
 use crate::design::{Design, check_reach, filled};
 use crate::error::Error;
@@ -34,7 +39,8 @@ use crate::weights::Weights;
 use crate::window::{Data, Scratch, WindowProblem, WindowSolution};
 use std::sync::Arc;
 
-/// The estimator. A copy continues on its own from the same window and shares everything that was computed at construction.
+/// The estimator. A copy continues on its own from the same window and shares everything that was
+/// computed at construction.
 pub struct DdMhe {
     design: Arc<Design>,
     config: Config,
@@ -70,7 +76,8 @@ impl Clone for DdMhe {
 }
 
 impl DdMhe {
-    /// Prepares the estimator: checks every argument, fills in the defaults and factors the problems of all depths.
+    /// Prepares the estimator: checks every argument, fills in the defaults and factors the
+    /// problems of all depths.
     ///
     /// # Errors
     /// [`Error::Value`], [`Error::Shape`] or [`Error::NotFinite`] naming the setting at fault; [`Error::Rank`] when the
@@ -95,9 +102,10 @@ impl DdMhe {
         Ok(mhe)
     }
 
-    /// Consumes y(t-1) (p numbers, NaN = this entry was not measured) and returns the estimate x̂(t). Whatever its status, x and the
-    /// window are finite and, unless the status is optimal, exactly inside the box on the states; see the head of this module for
-    /// what they then are, and for what later steps take for x̄.
+    /// Consumes y(t-1) (p numbers, NaN = this entry was not measured) and returns the estimate
+    /// x̂(t). Whatever its status, x and the window are finite and, unless the status is optimal,
+    /// exactly inside the box on the states; see the head of this module for what they then are,
+    /// and for what later steps take for x̄.
     ///
     /// # Errors
     /// [`Error::Shape`] or [`Error::NotFinite`] (infinite entry); the estimator is then unchanged.
@@ -110,7 +118,11 @@ impl DdMhe {
     ///
     /// # Errors
     /// As [`step`](Self::step), and for bounds of the wrong size, NaN or crossed.
-    pub fn step_within(&mut self, y: &[f64], x_bounds: Option<&Bounds>) -> Result<&Estimate, Error> {
+    pub fn step_within(
+        &mut self,
+        y: &[f64],
+        x_bounds: Option<&Bounds>,
+    ) -> Result<&Estimate, Error> {
         check_output(y, self.design.history.p())?;
         if let Some(bounds) = x_bounds {
             let n = self.design.history.n();
@@ -119,10 +131,12 @@ impl DdMhe {
         Ok(self.advance(y, x_bounds))
     }
 
-    /// All steps of a log `ys` (N·p, time-major): the same numbers as N calls of [`step`](Self::step).
+    /// All steps of a log `ys` (N·p, time-major): the same numbers as N calls of
+    /// [`step`](Self::step).
     ///
     /// # Errors
-    /// As [`step`](Self::step); the whole log is checked first, so a bad row leaves the estimator unchanged. Nothing errs after that.
+    /// As [`step`](Self::step); the whole log is checked first, so a bad row leaves the estimator
+    /// unchanged. Nothing errs after that.
     pub fn run(&mut self, ys: &[f64]) -> Result<Log, Error> {
         self.run_until(ys, &mut || false)
     }
@@ -155,7 +169,8 @@ impl DdMhe {
         Ok(log)
     }
 
-    /// Back to t = 0 as a new estimator: from x̄(0) (n) if given, otherwise from where the configuration says.
+    /// Back to t = 0 as a new estimator: from x̄(0) (n) if given, otherwise from where the
+    /// configuration says.
     ///
     /// # Errors
     /// [`Error::Shape`] or [`Error::NotFinite`] for `x_prior`.
@@ -164,8 +179,8 @@ impl DdMhe {
         self.reset_from(start, x_prior)
     }
 
-    /// Back to t = 0 as an estimator that was made with this start, and with x̄(0) (n) if given. The first run from another start
-    /// than before may have to factor the problems that it needs.
+    /// Back to t = 0 as an estimator that was made with this start, and with x̄(0) (n) if given.
+    /// The first run from another start than before may have to factor the problems that it needs.
     ///
     /// # Errors
     /// [`Error::Shape`] or [`Error::NotFinite`] for `x_prior`; [`Error::Value`] for a start that contradicts it, or an unknown one
@@ -202,7 +217,8 @@ impl DdMhe {
         &self.config
     }
 
-    /// Whether estimates carry an error bound; [`warnings`](Self::warnings) says why not, if one was asked for.
+    /// Whether estimates carry an error bound; [`warnings`](Self::warnings) says why not, if one
+    /// was asked for.
     pub fn is_bounded(&self) -> bool {
         self.bound.is_some()
     }
@@ -227,8 +243,8 @@ impl DdMhe {
         self.design.spectral_radius
     }
 
-    /// What a user should know, in words: about the recording and the settings, and since when outputs do what they never did in
-    /// the recording (the list then grows).
+    /// What a user should know, in words: about the recording and the settings, and since when
+    /// outputs do what they never did in the recording (the list then grows).
     pub fn warnings(&self) -> Vec<String> {
         let online = self.design.watch.words(&self.seen, self.design.history.dt());
         self.design.warnings.iter().cloned().chain(online).collect()
@@ -266,7 +282,8 @@ impl DdMhe {
         self.bound.as_ref().map_or(&[], ErrorBound::errors)
     }
 
-    /// Bounds that were active in the last step, in the order in which they were taken in, and whether they move with time.
+    /// Bounds that were active in the last step, in the order in which they were taken in, and
+    /// whether they move with time.
     pub(crate) fn active_bounds(&self) -> (&[ActiveBound], bool) {
         (&self.kept.sides, self.kept.moves)
     }
@@ -289,9 +306,14 @@ impl DdMhe {
             && t < usize::MAX / 2
             && estimate.fits(n, p)
             && estimate.v.len() <= self.design.settings.horizon * p
-            && (active.is_empty() || self.design.problem(samples).is_some_and(|problem| problem.allows(&active)));
+            && (active.is_empty()
+                || self.design.problem(samples).is_some_and(|problem| problem.allows(&active)));
         if !fits || samples < self.design.first - 1 {
-            return Err(Error::value("blob", "a window that fits the horizon", format!("{samples} samples")));
+            return Err(Error::value(
+                "blob",
+                "a window that fits the horizon",
+                format!("{samples} samples"),
+            ));
         }
         check_measured("blob", outputs, p)?;
         check_finite("blob", states, n)?;
@@ -340,7 +362,8 @@ impl DdMhe {
             (Start::Unknown, _) => states.copy_from_slice(&scaling.mean_x),
             _ => {}
         }
-        let outputs = y[y.len() - filled * p..].chunks_exact(p).flat_map(|y| scaling.deviations(&[], y));
+        let outputs =
+            y[y.len() - filled * p..].chunks_exact(p).flat_map(|y| scaling.deviations(&[], y));
         self.refill(outputs, states.chunks_exact(n).flat_map(|x| scaling.deviations(x, &[])));
         if let Some(bound) = &mut self.bound {
             bound.restart(filled + 1);
@@ -361,7 +384,11 @@ impl DdMhe {
     }
 
     /// A window of other outputs and states.
-    fn refill(&mut self, mut outputs: impl Iterator<Item = f64>, mut states: impl Iterator<Item = f64>) {
+    fn refill(
+        &mut self,
+        mut outputs: impl Iterator<Item = f64>,
+        mut states: impl Iterator<Item = f64>,
+    ) {
         let (n, p) = (self.n(), self.p());
         self.memory.clear();
         while let Some(first) = states.next() {
@@ -400,7 +427,8 @@ impl DdMhe {
         &self.estimate
     }
 
-    /// From the first full window of a run from an unknown state on, x̄ of the instants in it are its own states.
+    /// From the first full window of a run from an unknown state on, x̄ of the instants in it are
+    /// its own states.
     #[cold]
     fn smoothed(&mut self) {
         let n = self.design.history.n();
@@ -416,9 +444,17 @@ impl DdMhe {
         let (problem, data, mut scratch) = window(design, problems, &mut self.memory, x_bounds);
         states.resize((problem.shape.depth + 1) * problem.shape.n, 0.0);
         v.resize(data.outputs.len(), 0.0);
-        match problem.solve(weights, &design.limits, &data, (&mut self.kept, &mut scratch), (states, v)) {
+        match problem.solve(
+            weights,
+            &design.limits,
+            &data,
+            (&mut self.kept, &mut scratch),
+            (states, v),
+        ) {
             Some(found) => found,
-            None => anew(design, (problem, weights), &data, (&mut self.kept, &mut scratch), (states, v)),
+            None => {
+                anew(design, (problem, weights), &data, (&mut self.kept, &mut scratch), (states, v))
+            }
         }
     }
 
@@ -437,7 +473,8 @@ impl DdMhe {
         estimate.x.clear();
         estimate.x.extend_from_slice(&window[window.len() - n..]);
         estimate.cost = found.cost;
-        (estimate.status, estimate.active, estimate.iterations) = (found.status, found.active, found.iterations);
+        (estimate.status, estimate.active, estimate.iterations) =
+            (found.status, found.active, found.iterations);
         estimate.bound = self.bound.as_mut().map(|bound| {
             let (states, outputs) = (self.memory.states(), self.memory.outputs());
             let past = |k: usize| design.scaling.state(k % n, states[k]);
@@ -446,7 +483,8 @@ impl DdMhe {
         self.memory.push_state(design.scaling.deviations(&estimate.x, &[]));
     }
 
-    /// What to make of a window without a minimiser, into the estimate; whether past estimates are to be forgotten.
+    /// What to make of a window without a minimiser, into the estimate; whether past estimates are
+    /// to be forgotten.
     #[cold]
     fn reconsider(&mut self, found: &mut WindowSolution, x_bounds: Option<&Bounds>) -> bool {
         if found.status == Status::AlmostOptimal {
@@ -465,8 +503,10 @@ impl DdMhe {
             *found = self.minimise_again(x_bounds);
         }
         if !found.sound {
-            let (problems, weights) = problems(&self.design, self.opening.as_deref(), self.t < self.growing);
-            let (problem, data, mut scratch) = window(&self.design, problems, &mut self.memory, x_bounds);
+            let (problems, weights) =
+                problems(&self.design, self.opening.as_deref(), self.t < self.growing);
+            let (problem, data, mut scratch) =
+                window(&self.design, problems, &mut self.memory, x_bounds);
             let Estimate { window: states, v, .. } = &mut self.estimate;
             *found = problem.rest(weights, &data, &mut scratch, (states, v));
         }
@@ -474,9 +514,11 @@ impl DdMhe {
         anew
     }
 
-    /// The answer without the outputs that contradict the others: without the newest sample, or, where the
+    /// The answer without the outputs that contradict the others: without the newest sample, or,
+    /// where the
     /// [`DOUBTS`](tol::DOUBTS) before it say nothing, without all before it (true). Of a window that cannot be computed the sample
-    /// furthest out is the first in doubt. What is doubted counts as not measured from then on; where nothing helps, nothing is.
+    /// furthest out is the first in doubt. What is doubted counts as not measured from then on;
+    /// where nothing helps, nothing is.
     fn doubt(&mut self, failed: bool, x_bounds: Option<&Bounds>) -> (WindowSolution, bool) {
         let newest = self.memory.depth() - 1;
         let stale = newest >= tol::DOUBTS && self.memory.silent(newest - tol::DOUBTS..newest);
@@ -496,9 +538,9 @@ impl DdMhe {
         (self.minimise_again(x_bounds), false)
     }
 
-    /// After a step that is not optimal: what is handed out is moved into the box in force, and what goes on as x̂(t) into the
-    /// configured one, since a box for this step alone says nothing of later ones. With `anew` the estimates of the window's past
-    /// are replaced by the window.
+    /// After a step that is not optimal: what is handed out is moved into the box in force, and
+    /// what goes on as x̂(t) into the configured one, since a box for this step alone says nothing
+    /// of later ones. With `anew` the estimates of the window's past are replaced by the window.
     #[cold]
     fn confine(&mut self, x_bounds: Option<&Bounds>, anew: bool) {
         let n = self.design.history.n();
@@ -521,7 +563,8 @@ impl DdMhe {
         }
         let Estimate { x, window, bound, .. } = &mut self.estimate;
         let inside = &window[window.len() - n..];
-        let moved = x.iter().zip(inside).map(|(x, inside)| (x - inside).powi(2)).sum::<f64>().sqrt();
+        let moved =
+            x.iter().zip(inside).map(|(x, inside)| (x - inside).powi(2)).sum::<f64>().sqrt();
         *bound = bound.map(|bound| bound + moved);
         x.copy_from_slice(inside);
     }
@@ -529,21 +572,27 @@ impl DdMhe {
     /// The estimate's window with its states moved into a box; None: the configured one.
     fn move_into(&mut self, x_bounds: Option<&Bounds>) {
         let (problems, _) = problems(&self.design, self.opening.as_deref(), self.t < self.growing);
-        let (problem, data, mut scratch) = window(&self.design, problems, &mut self.memory, x_bounds);
+        let (problem, data, mut scratch) =
+            window(&self.design, problems, &mut self.memory, x_bounds);
         problem.confine(&self.design.limits, &data, &mut scratch, &mut self.estimate.window);
     }
 }
 
 /// The problems of this step, from depth `design.first` on, and the weights they were made with.
 #[inline(always)]
-fn problems<'a>(design: &'a Design, opening: Option<&'a Opening>, growing: bool) -> (&'a [WindowProblem], &'a Weights) {
+fn problems<'a>(
+    design: &'a Design,
+    opening: Option<&'a Opening>,
+    growing: bool,
+) -> (&'a [WindowProblem], &'a Weights) {
     match opening {
         Some(opening) if growing => (&opening.problems, &opening.weights),
         _ => (&design.problems, &design.weights),
     }
 }
 
-/// What [`WindowProblem::solve`] finds of a problem made for what was measured; the mean window where there is none.
+/// What [`WindowProblem::solve`] finds of a problem made for what was measured; the mean window
+/// where there is none.
 #[cold]
 fn anew(
     design: &Design,

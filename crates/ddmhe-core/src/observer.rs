@@ -1,23 +1,30 @@
 //! Interval observer: a box that is guaranteed to hold the state of
 //!
-//! > x(k+1) = A x + B u + f(x) + D1 w,  y = C x + r + D2 v,  |w| ≤ w̄, |v| ≤ v̄, |x(0) - p₀| ≤ x̄₀  (13), (17)
+//! > x(k+1) = A x + B u + f(x) + D1 w,  y = C x + r + D2 v,  |w| ≤ w̄, |v| ≤ v̄, |x(0) - p₀| ≤ x̄₀
+//! > (13), (17)
 //!
-//! with Df(x) in \[J̲, J̄\] (14). Equation numbers are those of the interval paper (see [`zonotope`](crate::Zonotope)).
+//! with Df(x) in \[J̲, J̄\] (14). Equation numbers are those of the interval paper (see
+//! [`zonotope`](crate::Zonotope)).
 //!
 //! # How
-//! With x̂⁺ = A x̂ + B u + f(x̂) + L(y - r - C x̂) (19) the error obeys e⁺ = (Ã + J) e + D1 w - L D2 v, Ã = A - L C, J in the
-//! interval Jacobian over the segment from x̂ to x. Three sets of e are carried **in parallel**; only outputs are intersected:
+//! With x̂⁺ = A x̂ + B u + f(x̂) + L(y - r - C x̂) (19) the error obeys e⁺ = (Ã + J) e + D1 w - L
+//! D2 v, Ã = A - L C, J in the interval Jacobian over the segment from x̂ to x. Three sets of e are
+//! carried **in parallel**; only outputs are intersected:
 //!
-//! * the zonotope ⟨0, M⟩: `Paper` has M⁺ = ↓q\[ÃM, T, D1 Mw, L D2 Mv\] with T = \[D^c, D^s\] the inclusion of \[J\]M (45)-(50);
-//!   `Tight` treats Ã + \[J\] as one interval matrix, which keeps the columns of ÃM and J^c M together;
-//! * the level V̄ of V = eᵀPe: V⁺ ≤ (1-λ)V + γ(‖w‖² + ‖v‖²) (41) gives the ball (44) and the ellipsoid's box
+//! * the zonotope ⟨0, M⟩: `Paper` has M⁺ = ↓q\[ÃM, T, D1 Mw, L D2 Mv\] with T = \[D^c, D^s\] the
+//!   inclusion of \[J\]M (45)-(50); `Tight` treats Ã + \[J\] as one interval matrix, which keeps
+//!   the columns of ÃM and J^c M together;
+//! * the level V̄ of V = eᵀPe: V⁺ ≤ (1-λ)V + γ(‖w‖² + ‖v‖²) (41) gives the ball (44) and the
+//!   ellipsoid's box
 //!   |e_i| ≤ √(V̄ (P⁻¹)_ii), which is never looser than the ball of its V̄;
-//! * `Tight` only: a box of x itself, contracted with the measurement, backward through the last transitions, and forward.
+//! * `Tight` only: a box of x itself, contracted with the measurement, backward through the last
+//!   transitions, and forward.
 //!
 //! # What "guaranteed" rests on
-//! Everything above is computed with outward rounding: x̂ is a float, and what its own update rounds away joins the
-//! zonotope as a box and V̄ as a distance. What f is not known exactly for ([`Dynamics::value`] returns intervals, [`Dynamics::output_error`]) enters
-//! the same way, so uncertain parameters need nothing else.
+//! Everything above is computed with outward rounding: x̂ is a float, and what its own update
+//! rounds away joins the zonotope as a box and V̄ as a distance. What f is not known exactly for
+//! ([`Dynamics::value`] returns intervals, [`Dynamics::output_error`]) enters the same way, so
+//! uncertain parameters need nothing else.
 
 mod contractor;
 mod dynamics;
@@ -90,7 +97,8 @@ impl IntervalEstimate {
     }
 }
 
-/// A zonotope, an ellipsoid and a box around the state of a bounded-Jacobian system, one step at a time.
+/// A zonotope, an ellipsoid and a box around the state of a bounded-Jacobian system, one step at a
+/// time.
 pub struct IntervalObserver<D> {
     dynamics: D,
     system: System,
@@ -126,7 +134,8 @@ impl<D: Dynamics> IntervalObserver<D> {
     /// An observer that starts with |x(0) - x0_center| ≤ x0_radius.
     ///
     /// # Errors
-    /// Shape, NaN, negative radii, J̲ above J̄, λ or γ out of range, P not positive definite, q below n.
+    /// Shape, NaN, negative radii, J̲ above J̄, λ or γ out of range, P not positive definite, q
+    /// below n.
     pub fn new(
         dynamics: D,
         system: System,
@@ -143,7 +152,11 @@ impl<D: Dynamics> IntervalObserver<D> {
         let (system, gain) = checked(system, gain, x0_center, x0_radius)?;
         let (p, nw, nv) = (system.C.len() / n, system.w_radius.len(), system.v_radius.len());
         if order < n {
-            return Err(Error::value("order", format!("at least the number of states, {n}"), order));
+            return Err(Error::value(
+                "order",
+                format!("at least the number of states, {n}"),
+                order,
+            ));
         }
         let P_inverse = inverse_diagonal(&gain.P, n)?;
 
@@ -155,16 +168,22 @@ impl<D: Dynamics> IntervalObserver<D> {
                 let exact = if k < nw {
                     Interval::point(system.D1[i * nw + k]) * Interval::point(system.w_radius[k])
                 } else {
-                    let column: Vec<Interval> = (0..p).map(|j| Interval::point(system.D2[j * nv + k - nw])).collect();
-                    weighted(&gain.L[i * p..(i + 1) * p], &column) * Interval::point(system.v_radius[k - nw])
+                    let column: Vec<Interval> =
+                        (0..p).map(|j| Interval::point(system.D2[j * nv + k - nw])).collect();
+                    weighted(&gain.L[i * p..(i + 1) * p], &column)
+                        * Interval::point(system.v_radius[k - nw])
                 };
                 noise.push(exact.mid());
                 *error += exact.rad();
             }
         }
-        let ball = |radius: &[f64]| -> Vec<Interval> { radius.iter().map(|&r| Interval { lo: -r, hi: r }).collect() };
+        let ball = |radius: &[f64]| -> Vec<Interval> {
+            radius.iter().map(|&r| Interval { lo: -r, hi: r }).collect()
+        };
         let product = |D: &[f64], radius: &[f64], rows: usize| -> Vec<Interval> {
-            (0..rows).map(|i| weighted(&D[i * radius.len()..(i + 1) * radius.len()], &ball(radius))).collect()
+            (0..rows)
+                .map(|i| weighted(&D[i * radius.len()..(i + 1) * radius.len()], &ball(radius)))
+                .collect()
         };
         let mut observer = IntervalObserver {
             error_map,
@@ -228,14 +247,16 @@ impl<D: Dynamics> IntervalObserver<D> {
         self.generators = diagonal(&radius);
         self.center = center;
         self.past.clear();
-        self.estimate = IntervalEstimate { predicted: self.box_.clone(), ..IntervalEstimate::default() };
+        self.estimate =
+            IntervalEstimate { predicted: self.box_.clone(), ..IntervalEstimate::default() };
     }
 
     /// Consumes y(k) (p; NaN = not measured) and u(k): bounds of x(k) with it, and of x(k+1).
     ///
     /// # Errors
-    /// Shape, infinite numbers, or [`Error::ModelViolation`] if y(k) contradicts the model and its bounds. After an error the
-    /// observer is as before the call: the step can be made again, for instance with y(k) as not measured.
+    /// Shape, infinite numbers, or [`Error::ModelViolation`] if y(k) contradicts the model and its
+    /// bounds. After an error the observer is as before the call: the step can be made again, for
+    /// instance with y(k) as not measured.
     pub fn step(&mut self, y: &[f64], u: &[f64]) -> Result<&IntervalEstimate, Error> {
         if y.len() != self.p {
             return Err(Error::shape("y", format!("{} numbers", self.p), y.len()));
@@ -251,13 +272,16 @@ impl<D: Dynamics> IntervalObserver<D> {
             .map(|j| match y[j].is_nan() {
                 true => Interval::ENTIRE,
                 false => {
-                    let known = Interval::point(y[j]) - Interval::point(self.system.r[j]) - self.output_noise[j];
+                    let known = Interval::point(y[j])
+                        - Interval::point(self.system.r[j])
+                        - self.output_noise[j];
                     known - Interval { lo: -output_error[j], hi: output_error[j] }
                 }
             })
             .collect();
-        let input =
-            (0..self.n).map(|i| weighted(&self.system.B[i * self.inputs..(i + 1) * self.inputs], &points(u))).collect();
+        let input = (0..self.n)
+            .map(|i| weighted(&self.system.B[i * self.inputs..(i + 1) * self.inputs], &points(u)))
+            .collect();
         // only `Tight` looks back
         let mut past = self.past.clone();
         past.push(Past { x: self.box_.clone(), input, output });
@@ -269,12 +293,14 @@ impl<D: Dynamics> IntervalObserver<D> {
         }
         let filtered = past[now].x.clone();
 
-        // Jacobian over the segment from x̂ to x (14): over the zonotope's hull, or over all that is known of x.
+        // Jacobian over the segment from x̂ to x (14): over the zonotope's hull, or over all that
+        // is known of x.
         let over = match self.method {
             Method::Paper => self.hull(&self.center, &self.generators),
             Method::Tight => filtered.clone(),
         };
-        let segment: Vec<Interval> = over.iter().zip(&self.center).map(|(x, &c)| x.hull(Interval::point(c))).collect();
+        let segment: Vec<Interval> =
+            over.iter().zip(&self.center).map(|(x, &c)| x.hull(Interval::point(c))).collect();
         let J = self.jacobian(&segment)?;
 
         // x̂(k+1), (19): a float, and what it rounded away.
@@ -287,7 +313,9 @@ impl<D: Dynamics> IntervalObserver<D> {
             .map(|j| match measured[j] {
                 true => {
                     let row = &self.system.C[j * self.n..(j + 1) * self.n];
-                    Interval::point(y[j]) - Interval::point(self.system.r[j]) - weighted(row, &estimate)
+                    Interval::point(y[j])
+                        - Interval::point(self.system.r[j])
+                        - weighted(row, &estimate)
                 }
                 false => Interval::ZERO,
             })
@@ -298,18 +326,22 @@ impl<D: Dynamics> IntervalObserver<D> {
         };
         let (mut center, mut rest) = (vec![0.0; self.n], self.noise_error.clone());
         for i in 0..self.n {
-            let free =
-                weighted(&self.system.A[i * self.n..(i + 1) * self.n], &estimate) + past[now].input[i] + value[i];
+            let free = weighted(&self.system.A[i * self.n..(i + 1) * self.n], &estimate)
+                + past[now].input[i]
+                + value[i];
             let next = free + weighted(&self.gain.L[i * self.p..(i + 1) * self.p], &innovation);
             if let Some(cut) = &cut {
                 let known = free + self.along_row(i, &J, cut, &past[now])?;
-                ahead[i] = ahead[i].intersect(known).ok_or_else(|| self.violation(i, [ahead[i], known].into_iter()))?;
+                ahead[i] = ahead[i]
+                    .intersect(known)
+                    .ok_or_else(|| self.violation(i, [ahead[i], known].into_iter()))?;
             }
             center[i] = next.mid();
             rest[i] = (rest[i] + next.rad()) * inflation(1);
             // what C and r are uncertain by enters through L
             for j in (0..self.p).filter(|&j| measured[j]) {
-                rest[i] = (rest[i] + self.gain.L[i * self.p + j].abs() * output_error[j]) * inflation(1);
+                rest[i] =
+                    (rest[i] + self.gain.L[i * self.p + j].abs() * output_error[j]) * inflation(1);
             }
         }
         let generators = self.propagate(&J, &rest, &measured);
@@ -420,12 +452,23 @@ impl<D: Dynamics> IntervalObserver<D> {
         for (k, entry) in J.iter_mut().enumerate() {
             let stated = Interval { lo: self.system.j_lo[k], hi: self.system.j_hi[k] };
             *entry = entry.intersect(stated).ok_or_else(|| {
-                let expected = format!("values within [j_lo, j_hi] = [{}, {}]", stated.lo, stated.hi);
-                let found = format!("[{}, {}] in row {}, column {}", entry.lo, entry.hi, k / self.n, k % self.n);
+                let expected =
+                    format!("values within [j_lo, j_hi] = [{}, {}]", stated.lo, stated.hi);
+                let found = format!(
+                    "[{}, {}] in row {}, column {}",
+                    entry.lo,
+                    entry.hi,
+                    k / self.n,
+                    k % self.n
+                );
                 Error::value("jacobian", expected, found)
             })?;
             if !(entry.lo.is_finite() && entry.hi.is_finite()) {
-                return Err(Error::value("jacobian", "finite bounds", format!("[{}, {}]", entry.lo, entry.hi)));
+                return Err(Error::value(
+                    "jacobian",
+                    "finite bounds",
+                    format!("[{}, {}]", entry.lo, entry.hi),
+                ));
             }
         }
         Ok(J)
@@ -433,11 +476,18 @@ impl<D: Dynamics> IntervalObserver<D> {
 
     /// x̂ ± |M| 1.
     fn hull(&self, center: &[f64], generators: &[f64]) -> Vec<Interval> {
-        center.iter().zip(row_sums(self.n, generators)).map(|(&c, r)| Interval::about(c, r)).collect()
+        center
+            .iter()
+            .zip(row_sums(self.n, generators))
+            .map(|(&c, r)| Interval::about(c, r))
+            .collect()
     }
 
     fn violation(&self, state: usize, sets: impl Iterator<Item = Interval>) -> Error {
-        let all = sets.fold(Interval::ENTIRE, |all, s| Interval { lo: all.lo.max(s.lo), hi: all.hi.min(s.hi) });
+        let all = sets.fold(Interval::ENTIRE, |all, s| Interval {
+            lo: all.lo.max(s.lo),
+            hi: all.hi.min(s.hi),
+        });
         Error::ModelViolation { argument: "y", step: self.step, state, gap: all.lo - all.hi }
     }
 }

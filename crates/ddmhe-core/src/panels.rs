@@ -1,8 +1,9 @@
 //! Products of prepared matrices with vectors, at the speed of the machine's vector units.
 //!
-//! A [`Panels`] holds a matrix in panels of eight rows, column after column, so that a product reads memory once, in order,
-//! with the eight sums in registers. Every sum is taken in an order that the layout alone fixes and without fused
-//! multiplications: the numbers are the same on every machine, whichever vector units [`vectorised`] finds.
+//! A [`Panels`] holds a matrix in panels of eight rows, column after column, so that a product
+//! reads memory once, in order, with the eight sums in registers. Every sum is taken in an order
+//! that the layout alone fixes and without fused multiplications: the numbers are the same on every
+//! machine, whichever vector units [`vectorised`] finds.
 
 use faer::MatRef;
 
@@ -25,7 +26,8 @@ pub(crate) fn padded(len: usize) -> usize {
     len.next_multiple_of(WIDTH)
 }
 
-/// Runs `f` compiled for the best vector units of this machine; what is to profit must be inlined into it.
+/// Runs `f` compiled for the best vector units of this machine; what is to profit must be inlined
+/// into it.
 #[inline(always)]
 pub(crate) fn vectorised<R>(f: impl FnOnce() -> R) -> R {
     pulp::Arch::new().dispatch(f)
@@ -54,7 +56,8 @@ impl Panels {
         }
     }
 
-    /// out = start + M [x; y], for few rows and many columns: four running sums a row, which need not wait for each other.
+    /// out = start + M [x; y], for few rows and many columns: four running sums a row, which need
+    /// not wait for each other.
     #[inline(always)]
     pub fn wide(&self, start: &[f64], x: &[f64], y: &[f64], out: &mut [f64]) {
         let start = start.as_chunks::<WIDTH>().0;
@@ -115,8 +118,8 @@ pub(crate) fn axpy(a: f64, x: &[f64], y: &mut [f64]) {
     }
 }
 
-/// The smallest distance of a value to its bounds, negative outside of them; infinite if there is none. NaN values (not measured)
-/// have no bounds.
+/// The smallest distance of a value to its bounds, negative outside of them; infinite if there is
+/// none. NaN values (not measured) have no bounds.
 #[inline(always)]
 pub(crate) fn margin(values: &[f64], lo: &[f64], hi: &[f64]) -> f64 {
     let mut least = [f64::INFINITY; WIDTH];
@@ -154,7 +157,8 @@ pub(crate) fn weighted_square(weights: &[f64], v: &[f64]) -> f64 {
     halve(sums, |a, b| a + b)
 }
 
-// Here and in `axpy` a loop, not `for_each`, which may be compiled on its own, without the vector units.
+// Here and in `axpy` a loop, not `for_each`, which may be compiled on its own, without the vector
+// units.
 #[inline(always)]
 pub(crate) fn each(a: [f64; WIDTH], b: [f64; WIDTH], f: impl Fn(f64, f64) -> f64) -> [f64; WIDTH] {
     let mut out = a;

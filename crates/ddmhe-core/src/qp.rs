@@ -1,8 +1,9 @@
-//! Small dense programmes, the only file that names Clarabel: what it proposes where the dual active-set method of `active_set`
-//! is not certain. Nothing that it says is believed: `way_out` checks the points and the multipliers.
+//! Small dense programmes, the only file that names Clarabel: what it proposes where the dual
+//! active-set method of `active_set` is not certain. Nothing that it says is believed: `way_out`
+//! checks the points and the multipliers.
 //!
-//! The estimator hands over a least-distance problem: with t the deviation from the unconstrained minimiser, in
-//! coordinates where the cost's Hessian is the identity,
+//! The estimator hands over a least-distance problem: with t the deviation from the unconstrained
+//! minimiser, in coordinates where the cost's Hessian is the identity,
 //!
 //! > minimise ½‖t‖²  subject to  lo ≤ A t ≤ hi,
 //!
@@ -11,7 +12,9 @@
 use crate::active_set::ActiveBound;
 use crate::tol;
 use clarabel::algebra::CscMatrix;
-use clarabel::solver::{DefaultSettings, DefaultSolver, IPSolver, NonnegativeConeT, SupportedConeT, ZeroConeT};
+use clarabel::solver::{
+    DefaultSettings, DefaultSolver, IPSolver, NonnegativeConeT, SupportedConeT, ZeroConeT,
+};
 use faer::{Mat, MatRef};
 
 /// What the solver proposes: a point, and multipliers of at least 0.
@@ -24,13 +27,14 @@ pub(crate) struct Proposal {
 /// One of the programmes below.
 pub(crate) type Programme = fn(MatRef<'_, f64>, &[f64], &[f64]) -> Option<Proposal>;
 
-/// Minimises ½‖t‖² subject to lo ≤ A t ≤ hi, A (rows × r); infinite entries are no bounds. None if the data are rejected. Where
-/// there is no such t, the multipliers are those of a proof of it.
+/// Minimises ½‖t‖² subject to lo ≤ A t ≤ hi, A (rows × r); infinite entries are no bounds. None if
+/// the data are rejected. Where there is no such t, the multipliers are those of a proof of it.
 pub(crate) fn least_distance(A: MatRef<'_, f64>, lo: &[f64], hi: &[f64]) -> Option<Proposal> {
     let r = A.ncols();
     let bounds = || lo.iter().zip(hi).enumerate();
     // equalities first, as the cones want them
-    let fixed = bounds().filter(|(_, (l, h))| l == h).map(|(row, _)| ActiveBound { row, sign: 1.0 });
+    let fixed =
+        bounds().filter(|(_, (l, h))| l == h).map(|(row, _)| ActiveBound { row, sign: 1.0 });
     let open = bounds().filter(|(_, (l, h))| l != h).flat_map(|(row, (l, h))| {
         let side = |sign: f64, bound: &f64| bound.is_finite().then_some(ActiveBound { row, sign });
         [side(1.0, l), side(-1.0, h)].into_iter().flatten()
@@ -39,13 +43,18 @@ pub(crate) fn least_distance(A: MatRef<'_, f64>, lo: &[f64], hi: &[f64]) -> Opti
     let sides: Vec<ActiveBound> = fixed.chain(open).collect();
     // -sign aᵀt ≤ -sign bound
     let rows = Mat::from_fn(sides.len(), r, |i, j| -sides[i].sign * A[(sides[i].row, j)]);
-    let b: Vec<f64> = sides.iter().map(|s| if s.sign > 0.0 { -lo[s.row] } else { hi[s.row] }).collect();
-    let cones: [SupportedConeT<f64>; 2] = [ZeroConeT(equalities), NonnegativeConeT(sides.len() - equalities)];
+    let b: Vec<f64> =
+        sides.iter().map(|s| if s.sign > 0.0 { -lo[s.row] } else { hi[s.row] }).collect();
+    let cones: [SupportedConeT<f64>; 2] =
+        [ZeroConeT(equalities), NonnegativeConeT(sides.len() - equalities)];
     let sparse = dense_to_csc(rows.as_ref());
     let mut solver =
-        DefaultSolver::new(&CscMatrix::identity(r), &vec![0.0; r], &sparse, &b, &cones, settings()).ok()?;
+        DefaultSolver::new(&CscMatrix::identity(r), &vec![0.0; r], &sparse, &b, &cones, settings())
+            .ok()?;
     solver.solve();
-    let outward = |(side, z): (&ActiveBound, &f64)| (ActiveBound { sign: side.sign * z.signum(), ..*side }, z.abs());
+    let outward = |(side, z): (&ActiveBound, &f64)| {
+        (ActiveBound { sign: side.sign * z.signum(), ..*side }, z.abs())
+    };
     Some(Proposal {
         t: solver.solution.x.clone(),
         multipliers: sides.iter().zip(&solver.solution.z).map(outward).collect(),
@@ -53,14 +62,15 @@ pub(crate) fn least_distance(A: MatRef<'_, f64>, lo: &[f64], hi: &[f64]) -> Opti
     })
 }
 
-/// The smallest s ≥ -1 by which all bounds must be loosened to leave a t: lo - s ≤ A t ≤ hi + s. Its multipliers are those of a
-/// proof if s is positive.
+/// The smallest s ≥ -1 by which all bounds must be loosened to leave a t: lo - s ≤ A t ≤ hi + s.
+/// Its multipliers are those of a proof if s is positive.
 pub(crate) fn least_excess(A: MatRef<'_, f64>, lo: &[f64], hi: &[f64]) -> Option<Proposal> {
     let r = A.ncols();
     let bounds = || lo.iter().zip(hi).enumerate();
     let sides: Vec<ActiveBound> = bounds()
         .flat_map(|(row, (l, h))| {
-            let side = |sign: f64, bound: &f64| bound.is_finite().then_some(ActiveBound { row, sign });
+            let side =
+                |sign: f64, bound: &f64| bound.is_finite().then_some(ActiveBound { row, sign });
             [side(1.0, l), side(-1.0, h)].into_iter().flatten()
         })
         .collect();
@@ -70,24 +80,37 @@ pub(crate) fn least_excess(A: MatRef<'_, f64>, lo: &[f64], hi: &[f64]) -> Option
         (None, false) => 0.0,
         (_, true) => -1.0,
     });
-    let mut b: Vec<f64> = sides.iter().map(|s| if s.sign > 0.0 { -lo[s.row] } else { hi[s.row] }).collect();
+    let mut b: Vec<f64> =
+        sides.iter().map(|s| if s.sign > 0.0 { -lo[s.row] } else { hi[s.row] }).collect();
     b.push(1.0);
     let mut cost = vec![0.0; r];
     cost.push(1.0);
     let cones = [NonnegativeConeT(sides.len() + 1)];
     let sparse = dense_to_csc(rows.as_ref());
-    let mut solver =
-        DefaultSolver::new(&CscMatrix::zeros((r + 1, r + 1)), &cost, &sparse, &b, &cones, settings()).ok()?;
+    let mut solver = DefaultSolver::new(
+        &CscMatrix::zeros((r + 1, r + 1)),
+        &cost,
+        &sparse,
+        &b,
+        &cones,
+        settings(),
+    )
+    .ok()?;
     solver.solve();
     Some(Proposal {
         t: solver.solution.x[..r].to_vec(),
-        multipliers: sides.iter().zip(&solver.solution.z).map(|(side, z)| (*side, z.max(0.0))).collect(),
+        multipliers: sides
+            .iter()
+            .zip(&solver.solution.z)
+            .map(|(side, z)| (*side, z.max(0.0)))
+            .collect(),
         iterations: solver.solution.iterations,
     })
 }
 
-/// min ‖ξ‖∞ subject to M ξ = d, M (n × m) given by columns: a primal and a dual point near the optimum, ξ (m) and y (n) of
-/// max dᵀy subject to ‖Mᵀy‖₁ ≤ 1. What they prove is for the caller to check; None if the solver rejects the data.
+/// min ‖ξ‖∞ subject to M ξ = d, M (n × m) given by columns: a primal and a dual point near the
+/// optimum, ξ (m) and y (n) of max dᵀy subject to ‖Mᵀy‖₁ ≤ 1. What they prove is for the caller to
+/// check; None if the solver rejects the data.
 pub(crate) fn least_max_norm(columns: &[f64], d: &[f64]) -> Option<(Vec<f64>, Vec<f64>)> {
     let (n, m) = (d.len(), columns.len() / d.len());
     // Variables (ξ, t): M ξ = d; ξ - t ≤ 0; -ξ - t ≤ 0.
@@ -105,8 +128,15 @@ pub(crate) fn least_max_norm(columns: &[f64], d: &[f64]) -> Option<(Vec<f64>, Ve
     cost.push(1.0);
     let cones = [ZeroConeT(n), NonnegativeConeT(2 * m)];
     let sparse = dense_to_csc(A.as_ref());
-    let mut solver =
-        DefaultSolver::new(&CscMatrix::zeros((m + 1, m + 1)), &cost, &sparse, &b, &cones, settings()).ok()?;
+    let mut solver = DefaultSolver::new(
+        &CscMatrix::zeros((m + 1, m + 1)),
+        &cost,
+        &sparse,
+        &b,
+        &cones,
+        settings(),
+    )
+    .ok()?;
     solver.solve();
     Some((solver.solution.x[..m].to_vec(), solver.solution.z[..n].iter().map(|z| -z).collect()))
 }
@@ -114,7 +144,13 @@ pub(crate) fn least_max_norm(columns: &[f64], d: &[f64]) -> Option<(Vec<f64>, Ve
 fn dense_to_csc(A: MatRef<'_, f64>) -> CscMatrix<f64> {
     let (m, r) = (A.nrows(), A.ncols());
     let values = (0..r).flat_map(|j| (0..m).map(move |i| A[(i, j)])).collect();
-    CscMatrix::new(m, r, (0..=r).map(|j| j * m).collect(), (0..r).flat_map(|_| 0..m).collect(), values)
+    CscMatrix::new(
+        m,
+        r,
+        (0..=r).map(|j| j * m).collect(),
+        (0..r).flat_map(|_| 0..m).collect(),
+        values,
+    )
 }
 
 fn settings() -> DefaultSettings<f64> {

@@ -1,7 +1,8 @@
-//! From a trajectory space and the weights to the least-distance form of one depth: z* = K f, w = c + A z.
+//! From a trajectory space and the weights to the least-distance form of one depth: z* = K f, w = c
+//! + A z.
 //!
-//! See [`window`](crate::window) for the derivation. Rows of the window are interleaved here as in [`space`](crate::space):
-//! x(0), y(0), …, x(m-1), y(m-1), x(m).
+//! See [`window`](crate::window) for the derivation. Rows of the window are interleaved here as in
+//! [`space`](crate::space): x(0), y(0), …, x(m-1), y(m-1), x(m).
 
 use crate::space::TrajectorySpace;
 use crate::tol;
@@ -55,13 +56,16 @@ pub(crate) struct Reduced {
     pub K: Mat<f64>,
     /// d × r: w = c + A z.
     pub A: Mat<f64>,
-    /// r × m p: z_c = K_c (y - c_y) of the window x_c(t) of the experiment IV-A1, if it is asked for.
+    /// r × m p: z_c = K_c (y - c_y) of the window x_c(t) of the experiment IV-A1, if it is asked
+    /// for.
     pub K_c: Option<Mat<f64>>,
-    /// r × q: orthonormal basis of the z that the cost does not see, if there are any and no weight on ‖α‖² decides.
+    /// r × q: orthonormal basis of the z that the cost does not see, if there are any and no weight
+    /// on ‖α‖² decides.
     pub unseen: Option<Mat<f64>>,
 }
 
-/// Factors the problem of one depth. `measured` (m·p, time-major) says which outputs exist; None: all of them.
+/// Factors the problem of one depth. `measured` (m·p, time-major) says which outputs exist; None:
+/// all of them.
 pub(crate) fn reduce(
     shape: Shape,
     space: &TrajectorySpace,
@@ -94,7 +98,11 @@ pub(crate) fn reduce(
 }
 
 /// Gᵀ of x̂(t) = c_x + G ([x̄; y] - c), (n + m p) × n: the last rows of A K.
-pub(crate) fn gain(shape: Shape, space: &TrajectorySpace, weights: &Weights) -> Result<Mat<f64>, SvdError> {
+pub(crate) fn gain(
+    shape: Shape,
+    space: &TrajectorySpace,
+    weights: &Weights,
+) -> Result<Mat<f64>, SvdError> {
     let (blocks, stacked) = stacked(shape, space, weights, &vec![true; shape.depth * shape.p])?;
     let (last, seen) = (shape.x(shape.depth).start, shape.n + shape.depth * shape.p);
     let qr = stacked.qr();
@@ -104,7 +112,8 @@ pub(crate) fn gain(shape: Shape, space: &TrajectorySpace, weights: &Weights) -> 
     let found = rotated(&qr, z.as_ref());
     let mut gain = Mat::zeros(seen, shape.n);
     for (first, W) in &blocks {
-        gain.subrows_mut(*first, W.nrows()).copy_from(W.transpose() * found.subrows(*first, W.nrows()));
+        gain.subrows_mut(*first, W.nrows())
+            .copy_from(W.transpose() * found.subrows(*first, W.nrows()));
     }
     Ok(gain)
 }
@@ -133,7 +142,8 @@ fn rotated(qr: &Qr<f64>, z: MatRef<'_, f64>) -> Mat<f64> {
 /// Square roots of the weights with their first rows in f.
 type Blocks = Vec<(usize, Mat<f64>)>;
 
-/// The weights, and [F; G]: the weighted rows of the basis that the cost sees, and what makes the minimiser unique.
+/// The weights, and [F; G]: the weighted rows of the basis that the cost sees, and what makes the
+/// minimiser unique.
 fn stacked(
     shape: Shape,
     space: &TrajectorySpace,
@@ -141,9 +151,12 @@ fn stacked(
     measured: &[bool],
 ) -> Result<(Blocks, Mat<f64>), SvdError> {
     let Shape { n, p, depth } = shape;
-    // (17): √ of 2ρ^m P on the prior, of ρ^{j-1} R on y(t-j): the block of each sample with its first row in f
+    // (17): √ of 2ρ^m P on the prior, of ρ^{j-1} R on y(t-j): the block of each sample with its
+    // first row in f
     let mut blocks = vec![(0, weights.prior(depth))];
-    blocks.extend((0..depth).map(|k| (n + k * p, weights.noise(depth - k, &measured[k * p..(k + 1) * p]))));
+    blocks.extend(
+        (0..depth).map(|k| (n + k * p, weights.noise(depth - k, &measured[k * p..(k + 1) * p]))),
+    );
     let seen: Vec<usize> = shape.seen().collect();
     let r = space.rank();
     // (16b): the window is c + B b, and the cost sees these rows of it
@@ -157,16 +170,18 @@ fn stacked(
     } else {
         least_norm(F.as_ref(), space)?
     };
-    let stacked =
-        Mat::from_fn(F.nrows() + G.nrows(), r, |i, j| if i < F.nrows() { F[(i, j)] } else { G[(i - F.nrows(), j)] });
+    let stacked = Mat::from_fn(F.nrows() + G.nrows(), r, |i, j| {
+        if i < F.nrows() { F[(i, j)] } else { G[(i - F.nrows(), j)] }
+    });
     Ok((blocks, stacked))
 }
 
 /// Rows that single out the least-norm α among the minimisers when F does not determine b.
 ///
-/// With Z a basis of the kernel of F and D = S/√N (b = D a), the shortest a satisfies Eᵀa = 0 for E an orthonormal basis of
-/// D⁻¹Z. Minimising ‖F b‖ and Eᵀ D⁻¹ b do not compete (the kernel directions alone can satisfy the second), so a small
-/// weight on the latter leaves the minimisers of (17) untouched and makes them unique.
+/// With Z a basis of the kernel of F and D = S/√N (b = D a), the shortest a satisfies Eᵀa = 0 for E
+/// an orthonormal basis of D⁻¹Z. Minimising ‖F b‖ and Eᵀ D⁻¹ b do not compete (the kernel
+/// directions alone can satisfy the second), so a small weight on the latter leaves the minimisers
+/// of (17) untouched and makes them unique.
 fn least_norm(F: MatRef<'_, f64>, space: &TrajectorySpace) -> Result<Mat<f64>, SvdError> {
     let r = F.ncols();
     let svd = F.svd()?;
@@ -187,8 +202,9 @@ fn least_norm(F: MatRef<'_, f64>, space: &TrajectorySpace) -> Result<Mat<f64>, S
     Ok(G)
 }
 
-/// K_c with b = K_c (y - c_y): H_x H_y† of IV-A1 in affine form. The least-norm α whose outputs fit best; with a
-/// regularised space, its weight relative to the outputs' (λ/μ) instead of the pseudo-inverse's cut at rounding.
+/// K_c with b = K_c (y - c_y): H_x H_y† of IV-A1 in affine form. The least-norm α whose outputs fit
+/// best; with a regularised space, its weight relative to the outputs' (λ/μ) instead of the
+/// pseudo-inverse's cut at rounding.
 fn center_gain(
     space: &TrajectorySpace,
     y_rows: &[usize],
@@ -196,10 +212,16 @@ fn center_gain(
     measured: impl Fn(usize) -> bool,
 ) -> Result<Mat<f64>, SvdError> {
     let r = space.rank();
-    let length =
-        |j: usize| if space.lambda > 0.0 { 1.0 } else { space.singular_values[j] / (space.windows as f64).sqrt() };
+    let length = |j: usize| {
+        if space.lambda > 0.0 {
+            1.0
+        } else {
+            space.singular_values[j] / (space.windows as f64).sqrt()
+        }
+    };
     let alike = |i: usize| if measured(i) { weights.alike[i % weights.alike.len()] } else { 0.0 };
-    let Y = Mat::from_fn(y_rows.len(), r, |i, j| space.basis[(y_rows[i], j)] * length(j) * alike(i));
+    let Y =
+        Mat::from_fn(y_rows.len(), r, |i, j| space.basis[(y_rows[i], j)] * length(j) * alike(i));
     let svd = Y.thin_svd()?;
     let sigma = svd.S().column_vector();
     let k = sigma.nrows();

@@ -1,7 +1,8 @@
 //! What rounding takes from sums and products of floats, and how a zonotope makes up for it.
 //!
-//! An addition's error is itself a float, and so is a product's unless it falls below the smallest one (Knuth; Dekker):
-//! what was exact is told from what was rounded, and only the latter is paid for.
+//! An addition's error is itself a float, and so is a product's unless it falls below the smallest
+//! one (Knuth; Dekker): what was exact is told from what was rounded, and only the latter is paid
+//! for.
 
 use faer::linalg::solvers::DenseSolveCore;
 use faer::{Mat, Side};
@@ -12,7 +13,8 @@ pub(crate) const TINY: f64 = 5e-324;
 /// Products at least this large have an error that is a float.
 const SPLITS: f64 = 1e-280;
 
-/// Generators are made longer by at most this relative amount; beyond it axis-parallel ones are added.
+/// Generators are made longer by at most this relative amount; beyond it axis-parallel ones are
+/// added.
 const LONGER: f64 = 1e-9;
 
 /// a + b or the next float above it.
@@ -34,8 +36,8 @@ pub(crate) fn sum(a: f64, b: f64) -> (f64, f64) {
     (found, error_of_sum(a, b, found).abs())
 }
 
-/// Σ a_i b_i in floats and an upper bound of its error, which is 0 where no operation rounds. Neither is finite if floats
-/// do not reach.
+/// Σ a_i b_i in floats and an upper bound of its error, which is 0 where no operation rounds.
+/// Neither is finite if floats do not reach.
 pub(crate) fn dot(a: &[f64], b: &[f64]) -> (f64, f64) {
     let (mut total, mut lost) = (0.0, 0.0);
     for (&a, &b) in a.iter().zip(b) {
@@ -79,8 +81,9 @@ pub(crate) fn diagonal(r: &[f64]) -> Vec<f64> {
 
 /// Makes the zonotope ⟨p, M⟩ in n dimensions larger by the box |e_i| ≤ lost_i.
 ///
-/// A generator along axis i takes lost_i if there is one. Otherwise, where M spans all directions well, every generator
-/// is made longer by the same hair; and where it does not, up to n axis-parallel generators are added.
+/// A generator along axis i takes lost_i if there is one. Otherwise, where M spans all directions
+/// well, every generator is made longer by the same hair; and where it does not, up to n
+/// axis-parallel generators are added.
 pub(crate) fn widen(n: usize, columns: &mut Vec<f64>, lost: &[f64]) {
     let mut rest = lost.to_vec();
     let mut widened = columns.clone();
@@ -100,14 +103,17 @@ pub(crate) fn widen(n: usize, columns: &mut Vec<f64>, lost: &[f64]) {
     }
     *columns = widened;
     let added = diagonal(&rest);
-    columns.extend(added.chunks_exact(n).zip(&rest).filter(|(_, r)| **r != 0.0).flat_map(|(g, _)| g));
+    columns
+        .extend(added.chunks_exact(n).zip(&rest).filter(|(_, r)| **r != 0.0).flat_map(|(g, _)| g));
 }
 
-/// Makes all generators longer by the factor 1 + δ that lets them hold the box `lost` besides; None if δ is not small.
+/// Makes all generators longer by the factor 1 + δ that lets them hold the box `lost` besides; None
+/// if δ is not small.
 ///
-/// In units of the rows' sums h, with R = Mᵀ(M Mᵀ)⁻¹ and M R = I + Δ: any b is M ζ with |ζ_j| ≤ Σ_i |R_ji| ‖b‖/(1 - ‖Δ‖).
-/// M (ξ + ζ) is (1 + δ) M times a point of the unit box if |ζ| ≤ δ. What the products (1 + δ)M round is part of b: it
-/// depends on ζ, but continuously, so by Brouwer's theorem there is a ζ with |ζ| ≤ δ all the same.
+/// In units of the rows' sums h, with R = Mᵀ(M Mᵀ)⁻¹ and M R = I + Δ: any b is M ζ with |ζ_j| ≤ Σ_i
+/// |R_ji| ‖b‖/(1 - ‖Δ‖). M (ξ + ζ) is (1 + δ) M times a point of the unit box if |ζ| ≤ δ. What the
+/// products (1 + δ)M round is part of b: it depends on ζ, but continuously, so by Brouwer's theorem
+/// there is a ζ with |ζ| ≤ δ all the same.
 fn lengthened(n: usize, columns: &mut [f64], lost: &[f64]) -> Option<()> {
     let (m, h) = (columns.len() / n, row_sums(n, columns));
     if m < n || h.iter().any(|h| !(1e-280..1e300).contains(h)) {
@@ -116,10 +122,13 @@ fn lengthened(n: usize, columns: &mut [f64], lost: &[f64]) -> Option<()> {
     let M = Mat::from_fn(n, m, |i, j| columns[j * n + i] / h[i]);
     let R = M.transpose() * (&M * M.transpose()).llt(Side::Lower).ok()?.inverse();
     let product = &M * &R;
-    let entries = |M: &Mat<f64>, i: usize| (0..n).map(|j| (M[(i, j)] - f64::from(u8::from(i == j))).abs()).sum::<f64>();
+    let entries = |M: &Mat<f64>, i: usize| {
+        (0..n).map(|j| (M[(i, j)] - f64::from(u8::from(i == j))).abs()).sum::<f64>()
+    };
     let off = (0..n).map(|i| entries(&product, i)).fold(0.0, f64::max);
     let reach = (0..m).map(|j| (0..n).map(|i| R[(j, i)].abs()).sum::<f64>()).fold(0.0, f64::max);
-    // reach < 1e4 keeps what these few floats are off by below a thousandth: the factor 2 holds it, and 1/(1 - ‖Δ‖)
+    // reach < 1e4 keeps what these few floats are off by below a thousandth: the factor 2 holds it,
+    // and 1/(1 - ‖Δ‖)
     let b = lost.iter().zip(&h).map(|(l, h)| l / h).fold(0.0, f64::max) + 4.0 * f64::EPSILON;
     let delta = 2.0 * reach * b;
     if !(off < 1e-3 && reach < 1e4 && m < 1_000_000 && delta < LONGER) {

@@ -11,12 +11,14 @@
 //! | 4 | CRC-32 of all bytes before it and of the body, little-endian |
 //! | … | the body, in postcard's format |
 //!
-//! so that nothing is read that was not written by [`to_bytes`], as it was written: CRC-32 finds every change within 32
-//! consecutive bits, and any other but for one in four billion. It is no signature: who wants to deceive can compute it,
-//! and therefore what comes out is checked like any argument.
+//! so that nothing is read that was not written by [`to_bytes`], as it was written: CRC-32 finds
+//! every change within 32 consecutive bits, and any other but for one in four billion. It is no
+//! signature: who wants to deceive can compute it, and therefore what comes out is checked like any
+//! argument.
 //!
-//! The snapshot of an estimator holds the recording, the configuration and the window; everything computed from them is
-//! computed again on [`DdMhe::restore`], so that a restored estimator continues with the same numbers.
+//! The snapshot of an estimator holds the recording, the configuration and the window; everything
+//! computed from them is computed again on [`DdMhe::restore`], so that a restored estimator
+//! continues with the same numbers.
 
 use crate::active_set::ActiveBound;
 use crate::config::{Config, Start};
@@ -98,7 +100,8 @@ pub fn to_bytes<T: Serialize>(kind: Kind, value: &T) -> Vec<u8> {
 /// # Errors
 /// [`Error::Value`] that says whether the bytes are foreign, of another format or kind, cut off, too long or changed.
 pub fn from_bytes<T: DeserializeOwned>(kind: Kind, blob: &[u8]) -> Result<T, Error> {
-    let wrong = |found: String| Error::value("blob", format!("{} as it was made", kind.name()), found);
+    let wrong =
+        |found: String| Error::value("blob", format!("{} as it was made", kind.name()), found);
     if !blob.starts_with(MAGIC) {
         return Err(wrong(format!("{} bytes that this package did not write", blob.len())));
     }
@@ -107,7 +110,9 @@ pub fn from_bytes<T: DeserializeOwned>(kind: Kind, blob: &[u8]) -> Result<T, Err
     }
     let (format, stated) = (blob[MAGIC.len()], blob[MAGIC.len() + 1]);
     if format != FORMAT {
-        return Err(wrong(format!("one of format {format}, and this version of the package reads format {FORMAT}")));
+        return Err(wrong(format!(
+            "one of format {format}, and this version of the package reads format {FORMAT}"
+        )));
     }
     let mut length = [0; 8];
     length.copy_from_slice(&blob[MAGIC.len() + 2..HEAD]);
@@ -122,7 +127,8 @@ pub fn from_bytes<T: DeserializeOwned>(kind: Kind, blob: &[u8]) -> Result<T, Err
         return Err(wrong("one with bytes that were changed: its checksum is another".into()));
     }
     if stated != kind as u8 {
-        let name = Kind::ALL.iter().find(|k| **k as u8 == stated).map_or("something else", |k| k.name());
+        let name =
+            Kind::ALL.iter().find(|k| **k as u8 == stated).map_or("something else", |k| k.name());
         return Err(wrong(name.into()));
     }
     match postcard::take_from_bytes(&blob[BODY..]) {
@@ -211,7 +217,8 @@ impl History {
 }
 
 impl Estimate {
-    /// Whether the sizes are those of a window of n states and p outputs; empty before the first step.
+    /// Whether the sizes are those of a window of n states and p outputs; empty before the first
+    /// step.
     pub fn fits(&self, n: usize, p: usize) -> bool {
         let (rows, samples) = (self.window.len() / n, self.v.len() / p);
         let whole = self.window.len() == rows * n && self.v.len() == samples * p;

@@ -1,33 +1,37 @@
 //! The set of windows that the data allow: mean + basis (+ regularisation weight).
 //!
 //! # Derivation from (16b)
-//! A window of depth m stacks w = [x(0); y(0); …; x(m-1); y(m-1); x(m)] ∈ R^d, d = m(n+p) + n. The N windows
-//! of the recording are the columns of W (d × N), the two block Hankel matrices of (16b) interleaved in time, so
-//! that a shorter window is the head of a longer one. (16b) asks for w = W α with 1ᵀα = 1.
+//! A window of depth m stacks w = [x(0); y(0); …; x(m-1); y(m-1); x(m)] ∈ R^d, d = m(n+p) + n. The
+//! N windows of the recording are the columns of W (d × N), the two block Hankel matrices of (16b)
+//! interleaved in time, so that a shorter window is the head of a longer one. (16b) asks for w = W
+//! α with 1ᵀα = 1.
 //!
-//! *Centring.* Write α = 1/N + δ with 1ᵀδ = 0. Then W α = c + (W - c 1ᵀ) δ with the mean window c = W 1/N: the
-//! row of ones in (16b) is exactly the centring, and it need not be carried further.
+//! *Centring.* Write α = 1/N + δ with 1ᵀδ = 0. Then W α = c + (W - c 1ᵀ) δ with the mean window c =
+//! W 1/N: the row of ones in (16b) is exactly the centring, and it need not be carried further.
 //!
-//! *Orthonormal basis.* With the thin singular value decomposition W - c 1ᵀ = U S Vᵀ every such δ acts only through
-//! z = Vᵀδ, and
+//! *Orthonormal basis.* With the thin singular value decomposition W - c 1ᵀ = U S Vᵀ every such δ
+//! acts only through z = Vᵀδ, and
 //!
 //! > w = c + U S z,  ‖α‖² = 1/N + ‖z‖² for the shortest α with that window
 //!
-//! (Vᵀ1 = 0 because the deviations sum to zero, so 1/N and V z are orthogonal). The N unknowns α become r = rank.
+//! (Vᵀ1 = 0 because the deviations sum to zero, so 1/N and V z are orthogonal). The N unknowns α
+//! become r = rank.
 //!
-//! *Scaling.* Every channel is divided by its scale, [`Scaling`]: channels of one unit share one, all others have each their
-//! own. For the exact space this changes nothing but the numerics; for a truncated or regularised one it defines what "small"
-//! means. Everything inside this crate's estimator is in these units.
+//! *Scaling.* Every channel is divided by its scale, [`Scaling`]: channels of one unit share one,
+//! all others have each their own. For the exact space this changes nothing but the numerics; for a
+//! truncated or regularised one it defines what "small" means. Everything inside this crate's
+//! estimator is in these units.
 //!
-//! *Rounding.* W is recorded in double precision, so it is off by a matrix E with |E_ij| ≤ ε_j = eps·max|channel|/s: by a
-//! multiple of eps where channels are centred, by a thousand times that where they stand a thousand deviations from zero.
-//! Singular values move by at most ‖E‖₂ ≤ ‖E‖_F ≤ √(N Σ ε_j²) (Weyl), so a direction below that may be nothing but rounding.
-//! A recording that was computed step by step carries the rounding of each step along its window as well;
+//! *Rounding.* W is recorded in double precision, so it is off by a matrix E with |E_ij| ≤ ε_j =
+//! eps·max|channel|/s: by a multiple of eps where channels are centred, by a thousand times that
+//! where they stand a thousand deviations from zero. Singular values move by at most ‖E‖₂ ≤ ‖E‖_F ≤
+//! √(N Σ ε_j²) (Weyl), so a direction below that may be nothing but rounding. A recording that was
+//! computed step by step carries the rounding of each step along its window as well;
 //! [`tol::DATA_ROUNDING`] makes room for that.
 //!
-//! *Coordinates.* Without a weight the coordinates are b = S z and the basis is U, orthonormal: directions that the
-//! recording hardly excited are not ill-conditioned. With a weight they are a = √N z, of unit variance over the
-//! recording, the basis is U S/√N and ‖α‖² = (1 + ‖a‖²)/N.
+//! *Coordinates.* Without a weight the coordinates are b = S z and the basis is U, orthonormal:
+//! directions that the recording hardly excited are not ill-conditioned. With a weight they are a =
+//! √N z, of unit variance over the recording, the basis is U S/√N and ‖α‖² = (1 + ‖a‖²)/N.
 
 use crate::error::Error;
 use crate::history::History;
@@ -44,8 +48,8 @@ pub enum Space {
     /// The documented default rule: see [`defaults`](crate::defaults).
     #[default]
     Auto,
-    /// Every direction above rounding level: the equality (16b) as printed, with the least-norm α where the
-    /// cost leaves a choice. Right for noise-free recordings of (locally) linear systems.
+    /// Every direction above rounding level: the equality (16b) as printed, with the least-norm α
+    /// where the cost leaves a choice. Right for noise-free recordings of (locally) linear systems.
     Exact,
     /// The strongest directions only: at most `rank`, and none below `tol`·σ₁. With neither given,
     /// rank n, the dimension that noise-free linear data have.
@@ -55,11 +59,13 @@ pub enum Space {
         /// Relative singular value below which a direction is dropped.
         tol: Option<f64>,
     },
-    /// Every direction above rounding level, and `weight`·‖α‖² added to the cost (17), in its units.
+    /// Every direction above rounding level, and `weight`·‖α‖² added to the cost (17), in its
+    /// units.
     Ridge {
         /// Weight, > 0.
         weight: f64,
-        /// Whether it is on ‖a‖² = N‖α‖² - 1 in scaled units instead: the same for every recording length, horizon and unit.
+        /// Whether it is on ‖a‖² = N‖α‖² - 1 in scaled units instead: the same for every recording
+        /// length, horizon and unit.
         normalised: bool,
     },
 }
@@ -77,7 +83,9 @@ impl Selection {
     /// The same with ten times the default rule's weight; None where the rule set none.
     pub fn heavier(self) -> Option<Self> {
         match self.penalty {
-            Penalty::Normalised(weight) => Some(Selection { penalty: Penalty::Normalised(10.0 * weight), ..self }),
+            Penalty::Normalised(weight) => {
+                Some(Selection { penalty: Penalty::Normalised(10.0 * weight), ..self })
+            }
             Penalty::None | Penalty::Alpha(_) => None,
         }
     }
@@ -93,11 +101,12 @@ pub(crate) enum Penalty {
     Alpha(f64),
 }
 
-/// Smallest variance of noise, relative to the channel's own, in weighing challengers and states, and in scaling outputs: a smooth
-/// recording has next to no fifth differences.
+/// Smallest variance of noise, relative to the channel's own, in weighing challengers and states,
+/// and in scaling outputs: a smooth recording has next to no fifth differences.
 const LEAST: (f64, f64) = (1e-10, 1e-4);
 
-/// The scale of every channel: what one unit of the estimator's own coordinates is in the user's units.
+/// The scale of every channel: what one unit of the estimator's own coordinates is in the user's
+/// units.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Scaling {
     /// Of the state channels (n).
@@ -106,13 +115,16 @@ pub struct Scaling {
     pub s_y: Vec<f64>,
     pub(crate) mean_x: Vec<f64>,
     pub(crate) mean_y: Vec<f64>,
-    /// What a tolerance on each state channel is in units of: its own deviation, in the user's units.
+    /// What a tolerance on each state channel is in units of: its own deviation, in the user's
+    /// units.
     pub(crate) unit_x: Vec<f64>,
     /// The same of the output channels.
     pub(crate) unit_y: Vec<f64>,
-    /// Variance of the noise on each output channel from fifth differences, at least 1e-10 of the channel's variance.
+    /// Variance of the noise on each output channel from fifth differences, at least 1e-10 of the
+    /// channel's variance.
     pub(crate) noise_y: Vec<f64>,
-    /// What an affine step from the state before leaves of each channel of x and y, and its variance.
+    /// What an affine step from the state before leaves of each channel of x and y, and its
+    /// variance.
     pub(crate) one_step: Vec<[f64; 2]>,
     /// Numbers of the channels of each unit.
     pub(crate) groups_x: Vec<Vec<usize>>,
@@ -125,10 +137,12 @@ pub struct Scaling {
 }
 
 impl Scaling {
-    /// Scales of the channels, those of one unit together. States: the geometric mean of the group's deviation and of what an affine
-    /// step from the state before leaves of it. Outputs: the group's noise as its fifth differences show it, at least a
-    /// hundredth of its deviation. Both are brought to the geometric mean of the deviations: a lone group has exactly its pooled
-    /// deviation. A channel that never moved is scaled by its magnitude, which leaves its rounding what it is.
+    /// Scales of the channels, those of one unit together. States: the geometric mean of the
+    /// group's deviation and of what an affine step from the state before leaves of it. Outputs:
+    /// the group's noise as its fifth differences show it, at least a hundredth of its deviation.
+    /// Both are brought to the geometric mean of the deviations: a lone group has exactly its
+    /// pooled deviation. A channel that never moved is scaled by its magnitude, which leaves its
+    /// rounding what it is.
     ///
     /// # Errors
     /// [`Error::Rank`] when the state never moves: such a recording says nothing.
@@ -137,19 +151,30 @@ impl Scaling {
         let x = Channels::new(history, History::states, history.n(), &groups_x);
         let y = Channels::new(history, History::outputs, history.p(), &groups_y);
         if !x.moved.contains(&true) {
-            return Err(Error::rank("history", "a state x that changes", "the same x in every sample"));
+            return Err(Error::rank(
+                "history",
+                "a state x that changes",
+                "the same x in every sample",
+            ));
         }
         let p = history.p();
-        let differences: Vec<f64> = (0..p).map(|i| fifth_differences(history, History::outputs, (i, p))).collect();
+        let differences: Vec<f64> =
+            (0..p).map(|i| fifth_differences(history, History::outputs, (i, p))).collect();
         let noise = |floor: f64| -> Vec<f64> {
-            differences.iter().zip(&y.variance).map(|(noise, variance)| noise.max(floor * variance)).collect()
+            differences
+                .iter()
+                .zip(&y.variance)
+                .map(|(noise, variance)| noise.max(floor * variance))
+                .collect()
         };
-        // What is left of a state when the one before is known, and its spread: the prior is between the two.
+        // What is left of a state when the one before is known, and its spread: the prior is
+        // between the two.
         let one_step = one_step(history, None);
         let left: Vec<f64> = one_step.iter().map(|[unexplained, _]| *unexplained).collect();
         let left = shared(&left[..history.n()], &groups_x);
         let between = |(left, spread): (f64, f64)| (left.max(LEAST.0 * spread) * spread).sqrt();
-        let squares: Vec<f64> = left.into_iter().zip(shared(&x.variance, &groups_x)).map(between).collect();
+        let squares: Vec<f64> =
+            left.into_iter().zip(shared(&x.variance, &groups_x)).map(between).collect();
         Ok(Scaling {
             s_x: x.scales(&squares),
             s_y: y.scales(&shared(&noise(LEAST.1), &groups_y)),
@@ -167,16 +192,19 @@ impl Scaling {
         })
     }
 
-    /// Frobenius norm, at most, of the rounding in a stack of `windows` windows of `depth`, in scaled units.
+    /// Frobenius norm, at most, of the rounding in a stack of `windows` windows of `depth`, in
+    /// scaled units.
     fn rounding(&self, windows: usize, depth: usize) -> f64 {
         let squares = |reach: &[f64], s: &[f64]| -> f64 {
             reach.iter().zip(s).map(|(reach, s)| (f64::EPSILON * reach / s).powi(2)).sum()
         };
-        let (x, y, m) = (squares(&self.reach_x, &self.s_x), squares(&self.reach_y, &self.s_y), depth as f64);
+        let (x, y, m) =
+            (squares(&self.reach_x, &self.s_x), squares(&self.reach_y, &self.s_y), depth as f64);
         (windows as f64 * (m * (x + y) + x)).sqrt()
     }
 
-    /// Mean squares of the scales of the states and of the outputs: what (17) as printed is measured by.
+    /// Mean squares of the scales of the states and of the outputs: what (17) as printed is
+    /// measured by.
     pub(crate) fn mean_squares(&self) -> (f64, f64) {
         let mean = |s: &[f64]| s.iter().map(|s| s * s).sum::<f64>() / s.len() as f64;
         (mean(&self.s_x), mean(&self.s_y))
@@ -235,20 +263,29 @@ struct Channels {
 }
 
 impl Channels {
-    fn new(history: &History, signal: fn(&History, usize) -> &[f64], width: usize, groups: &[Vec<usize>]) -> Self {
+    fn new(
+        history: &History,
+        signal: fn(&History, usize) -> &[f64],
+        width: usize,
+        groups: &[Vec<usize>],
+    ) -> Self {
         let channel = |i: usize| {
-            (0..history.recordings()).flat_map(move |r| signal(history, r).iter().skip(i).step_by(width).copied())
+            (0..history.recordings())
+                .flat_map(move |r| signal(history, r).iter().skip(i).step_by(width).copied())
         };
         let average = |values: &mut dyn Iterator<Item = f64>| {
             let (sum, count) = values.fold((0.0, 0.0), |(sum, count), v| (sum + v, count + 1.0));
             sum / count
         };
         let mean: Vec<f64> = (0..width).map(|i| average(&mut channel(i))).collect();
-        let variance: Vec<f64> = (0..width).map(|i| average(&mut channel(i).map(|v| (v - mean[i]).powi(2)))).collect();
+        let variance: Vec<f64> =
+            (0..width).map(|i| average(&mut channel(i).map(|v| (v - mean[i]).powi(2)))).collect();
         let pooled: Vec<f64> = shared(&variance, groups).iter().map(|v| v.sqrt()).collect();
-        let reach: Vec<f64> = (0..width).map(|i| channel(i).fold(0.0, |most, v| v.abs().max(most))).collect();
+        let reach: Vec<f64> =
+            (0..width).map(|i| channel(i).fold(0.0, |most, v| v.abs().max(most))).collect();
         let moves = |i: usize| {
-            let (lo, hi) = channel(i).fold((f64::INFINITY, f64::NEG_INFINITY), |(lo, hi), v| (lo.min(v), hi.max(v)));
+            let (lo, hi) = channel(i)
+                .fold((f64::INFINITY, f64::NEG_INFINITY), |(lo, hi), v| (lo.min(v), hi.max(v)));
             hi - lo > tol::UNMOVED * reach[i].max(pooled[i])
         };
         let own: Vec<bool> = (0..width).map(moves).collect();
@@ -259,12 +296,16 @@ impl Channels {
         };
         let unit = (0..width).map(unit).collect();
         let mut moved = own.clone();
-        groups.iter().filter(|group| group.iter().any(|&i| own[i])).flatten().for_each(|&i| moved[i] = true);
+        groups
+            .iter()
+            .filter(|group| group.iter().any(|&i| own[i]))
+            .flatten()
+            .for_each(|&i| moved[i] = true);
         Channels { mean, variance, moved, pooled, unit, reach }
     }
 
-    /// Roots of squared scales, brought to the geometric mean of the groups' deviations; a channel in whose group nothing moved has
-    /// no scale but its magnitude.
+    /// Roots of squared scales, brought to the geometric mean of the groups' deviations; a channel
+    /// in whose group nothing moved has no scale but its magnitude.
     fn scales(&self, squares: &[f64]) -> Vec<f64> {
         let moved: Vec<usize> = (0..squares.len()).filter(|&i| self.moved[i]).collect();
         let level = moved.iter().map(|&i| self.pooled[i].ln() - 0.5 * squares[i].ln()).sum::<f64>();
@@ -300,16 +341,16 @@ impl TrajectorySpace {
 
 /// All recorded windows up to one depth, factored once so that every depth's space is cheap.
 ///
-/// With the windows as rows, [1 Wᵀ] = Q R. Because windows are ordered in time, the leading columns of R are the
-/// factor of every shorter window over the same starts; a shorter depth only appends the few windows that start
-/// too late for the deepest. The first column of R is the centring. One QR of all data serves all depths; what is left
-/// for each is an SVD of at most d × d.
+/// With the windows as rows, [1 Wᵀ] = Q R. Because windows are ordered in time, the leading columns
+/// of R are the factor of every shorter window over the same starts; a shorter depth only appends
+/// the few windows that start too late for the deepest. The first column of R is the centring. One
+/// QR of all data serves all depths; what is left for each is an SVD of at most d × d.
 pub(crate) struct WindowStack<'a> {
     history: &'a History,
     scaling: &'a Scaling,
     equilibrium: Option<Vec<f64>>, // scaled x_e, then scaled y_e
     depth: usize,
-    R: Mat<f64>,                                      // of the windows of `depth`: min(N, 1+d) × (1+d)
+    R: Mat<f64>, // of the windows of `depth`: min(N, 1+d) × (1+d)
     latest: RefCell<Option<(usize, Rc<Decomposed>)>>, // and its depth: settings are tried at one depth after another
 }
 
@@ -330,14 +371,21 @@ impl<'a> WindowStack<'a> {
         equilibrium: Option<(&[f64], &[f64])>,
     ) -> Self {
         let equilibrium = equilibrium.map(|(x, y)| scaling.deviations(x, y).collect());
-        let mut stack =
-            WindowStack { history, scaling, equilibrium, depth, R: Mat::zeros(0, 0), latest: RefCell::default() };
+        let mut stack = WindowStack {
+            history,
+            scaling,
+            equilibrium,
+            depth,
+            R: Mat::zeros(0, 0),
+            latest: RefCell::default(),
+        };
         let rows = stack.rows(depth, 0);
         stack.R = upper(rows.as_ref(), rows.ncols());
         stack
     }
 
-    /// [1 Wᵀ] for windows of `depth`, leaving out those of each recording that also start a window of depth `covered`.
+    /// [1 Wᵀ] for windows of `depth`, leaving out those of each recording that also start a window
+    /// of depth `covered`.
     fn rows(&self, depth: usize, covered: usize) -> Mat<f64> {
         let (n, p) = (self.history.n(), self.history.p());
         let mut starts = Vec::new();
@@ -348,7 +396,8 @@ impl<'a> WindowStack<'a> {
         }
         let mut rows = Mat::zeros(starts.len(), 1 + depth * (n + p) + n);
         for (row, &(i, k)) in starts.iter().enumerate() {
-            // (16b): a column [1; x(k); y(k); …; x(k+depth)] of the stacked Hankel matrices, as a row
+            // (16b): a column [1; x(k); y(k); …; x(k+depth)] of the stacked Hankel matrices, as a
+            // row
             rows[(row, 0)] = 1.0;
             let (x, y) = (&self.history.states(i)[k * n..], &self.history.outputs(i)[k * p..]);
             for j in 0..=depth {
@@ -363,8 +412,12 @@ impl<'a> WindowStack<'a> {
 
     /// The space of windows of `depth`.
     pub fn space(&self, depth: usize, selection: &Selection) -> TrajectorySpace {
-        let latest =
-            self.latest.borrow().as_ref().filter(|(of, _)| *of == depth).map(|(_, windows)| Rc::clone(windows));
+        let latest = self
+            .latest
+            .borrow()
+            .as_ref()
+            .filter(|(of, _)| *of == depth)
+            .map(|(_, windows)| Rc::clone(windows));
         let windows = latest.unwrap_or_else(|| {
             let windows = Rc::new(self.decomposed(depth));
             self.latest.replace(Some((depth, Rc::clone(&windows))));
@@ -406,7 +459,8 @@ impl<'a> WindowStack<'a> {
     }
 }
 
-/// The triangular factor of a QR decomposition, min(rows, columns) × columns, zeros below the diagonal.
+/// The triangular factor of a QR decomposition, min(rows, columns) × columns, zeros below the
+/// diagonal.
 fn upper(rows: MatRef<'_, f64>, columns: usize) -> Mat<f64> {
     let qr = rows.qr();
     let R = qr.thin_R();
@@ -414,12 +468,18 @@ fn upper(rows: MatRef<'_, f64>, columns: usize) -> Mat<f64> {
 }
 
 /// Mean, basis and weight of what a selection keeps.
-fn select(found: &Decomposed, depth: usize, rounding: f64, selection: &Selection) -> TrajectorySpace {
+fn select(
+    found: &Decomposed,
+    depth: usize,
+    rounding: f64,
+    selection: &Selection,
+) -> TrajectorySpace {
     let Decomposed { windows, mean, U, sigma } = found;
     let (windows, d) = (*windows, mean.len());
     let sigma_1 = sigma.first().copied().unwrap_or(0.0);
-    let floor = (sigma_1 * (tol::RANK_EPS * windows.max(d) as f64).max(selection.tol.unwrap_or(0.0)))
-        .max(tol::DATA_ROUNDING * rounding);
+    let floor = (sigma_1
+        * (tol::RANK_EPS * windows.max(d) as f64).max(selection.tol.unwrap_or(0.0)))
+    .max(tol::DATA_ROUNDING * rounding);
     let above = sigma.iter().take_while(|&&s| s > floor).count();
     let rank = above.min(selection.rank.unwrap_or(usize::MAX));
     let N = windows as f64;
@@ -430,7 +490,14 @@ fn select(found: &Decomposed, depth: usize, rounding: f64, selection: &Selection
     };
     let length = |i: usize| if lambda > 0.0 { sigma[i] / N.sqrt() } else { 1.0 };
     let basis = Mat::from_fn(d, rank, |i, j| U[(i, j)] * length(j));
-    TrajectorySpace { depth, windows, mean: mean.clone(), basis, singular_values: sigma[..rank].to_vec(), lambda }
+    TrajectorySpace {
+        depth,
+        windows,
+        mean: mean.clone(),
+        basis,
+        singular_values: sigma[..rank].to_vec(),
+        lambda,
+    }
 }
 
 /// Right singular vectors (as columns) and singular values, largest first.
@@ -440,7 +507,8 @@ fn right_singular(A: MatRef<'_, f64>) -> (Mat<f64>, Vec<f64>) {
     }
     match A.thin_svd() {
         Ok(svd) => (svd.V().to_owned(), svd.S().column_vector().iter().copied().collect()),
-        // The iteration has no known failure on finite data; an empty space is reported by the caller as a rank error.
+        // The iteration has no known failure on finite data; an empty space is reported by the
+        // caller as a rank error.
         Err(_) => (Mat::zeros(A.ncols(), 0), Vec::new()),
     }
 }

@@ -1,19 +1,21 @@
 //! Where a run starts.
 //!
-//! A run from an *unknown* state has the recording's mean x̄ for its first prior, and the spread of the recorded states for
-//! what that is worth: with Σ_x their covariance, P₀ = 10 Σ_x and σ_v² the variance that an affine function of x leaves of
-//! the recorded outputs, the cost of the growing windows (t ≤ M) is
+//! A run from an *unknown* state has the recording's mean x̄ for its first prior, and the spread of
+//! the recorded states for what that is worth: with Σ_x their covariance, P₀ = 10 Σ_x and σ_v² the
+//! variance that an affine function of x leaves of the recorded outputs, the cost of the growing
+//! windows (t ≤ M) is
 //!
 //! > μ σ_v² ‖x̂(0) - x̄‖²_{P₀⁻¹} + Σ_{j=1..t} ρ^{j-1} μ ‖v̂(t-j)‖²
 //!
-//! so that μ ‖v̂‖² and the prior are in the same proportion as the squares of the noise and of the spread; with unlike weights of
-//! the outputs, μ σ_v² is the mean of their products. The prior has no
-//! discount: it is one of x(0), however long the window has become. For M < t ≤ 2M the prior is x̂(t-M | M), the first full
-//! window's: x̂(t-M), which was made from t-M outputs only, would be believed as much as one made from M, and the start be
-//! remembered for ever. From t = 2M on the two are one, and x̄(t-M) = x̂(t-M) as in Algorithm 1.
+//! so that μ ‖v̂‖² and the prior are in the same proportion as the squares of the noise and of the
+//! spread; with unlike weights of the outputs, μ σ_v² is the mean of their products. The prior has
+//! no discount: it is one of x(0), however long the window has become. For M < t ≤ 2M the prior is
+//! x̂(t-M | M), the first full window's: x̂(t-M), which was made from t-M outputs only, would be
+//! believed as much as one made from M, and the start be remembered for ever. From t = 2M on the
+//! two are one, and x̄(t-M) = x̂(t-M) as in Algorithm 1.
 //!
-//! *An exact recording* leaves σ_v² = 0, and the prior no weight at all: [`tol::START_NOISE`] is what outputs are taken to
-//! deviate by at least.
+//! *An exact recording* leaves σ_v² = 0, and the prior no weight at all: [`tol::START_NOISE`] is
+//! what outputs are taken to deviate by at least.
 
 use crate::config::Config;
 use crate::design::{Design, factorisation};
@@ -38,18 +40,27 @@ impl Opening {
     /// From a design that holds all depths.
     pub fn new(design: &Design, config: &Config) -> Result<Self, Error> {
         let (history, scaling) = (&design.history, &design.scaling);
-        let U = inverse_factor(&spread(history, scaling))
-            .ok_or_else(|| Error::rank("history", "states with a covariance", "none that can be factored"))?;
+        let U = inverse_factor(&spread(history, scaling)).ok_or_else(|| {
+            Error::rank("history", "states with a covariance", "none that can be factored")
+        })?;
         let noise = design.weights.mean_cost(&residual(history, scaling));
         let weights = design.weights.opening(U * faer::Scale((noise / SPREAD).sqrt()));
         let bounds = (config.x_bounds.as_ref(), design.centered);
-        let problem = |p: &WindowProblem| WindowProblem::new(p.shape, p.space.clone(), scaling, &weights, bounds, None);
-        let problems = design.problems.iter().map(problem).collect::<Result<Vec<_>, _>>().map_err(factorisation)?;
+        let problem = |p: &WindowProblem| {
+            WindowProblem::new(p.shape, p.space.clone(), scaling, &weights, bounds, None)
+        };
+        let problems = design
+            .problems
+            .iter()
+            .map(problem)
+            .collect::<Result<Vec<_>, _>>()
+            .map_err(factorisation)?;
         Ok(Opening { problems, weights })
     }
 }
 
-/// Covariance of the recorded states, in scaled units, with enough of a diagonal to have an inverse.
+/// Covariance of the recorded states, in scaled units, with enough of a diagonal to have an
+/// inverse.
 fn spread(history: &History, scaling: &Scaling) -> Mat<f64> {
     let n = history.n();
     let mut S = Mat::zeros(n, n);
@@ -74,8 +85,8 @@ fn inverse_factor(S: &Mat<f64>) -> Option<Mat<f64>> {
     Some(U)
 }
 
-/// σ_v²: variance of what an affine function of x(k) leaves of each channel of y(k), in scaled units; all of it where the recording
-/// has no degree of freedom left to tell.
+/// σ_v²: variance of what an affine function of x(k) leaves of each channel of y(k), in scaled
+/// units; all of it where the recording has no degree of freedom left to tell.
 fn residual(history: &History, scaling: &Scaling) -> Vec<f64> {
     let n = history.n();
     let told = history.T() > n + 1;

@@ -2,21 +2,26 @@
 
 use serde::{Deserialize, Serialize};
 
-/// What the optimisation found. Each is a statement about the numbers that were handed out, checked whichever solver they
-/// came from; a deviation is the channel's own standard deviation over the recording.
+/// What the optimisation found. Each is a statement about the numbers that were handed out, checked
+/// whichever solver they came from; a deviation is the channel's own standard deviation over the
+/// recording.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[non_exhaustive]
 pub enum Status {
-    /// The minimiser: every bound holds to 1e-9 deviations, and so do the optimality conditions, relative to the distance from
-    /// the unconstrained minimiser (or from the recording's mean window, if that is larger).
+    /// The minimiser: every bound holds to 1e-9 deviations, and so do the optimality conditions,
+    /// relative to the distance from the unconstrained minimiser (or from the recording's mean
+    /// window, if that is larger).
     Optimal,
-    /// Every bound holds to 1e-6 deviations, and the optimality conditions to 1e-4 on the same scale.
+    /// Every bound holds to 1e-6 deviations, and the optimality conditions to 1e-4 on the same
+    /// scale.
     AlmostOptimal,
-    /// No window satisfies all bounds, not even if each is exceeded by 1e-9 deviations: a combination of bounds proves it of all
-    /// windows up to a million times as far from the mean as these bounds, with rows known to 1e-12.
+    /// No window satisfies all bounds, not even if each is exceeded by 1e-9 deviations: a
+    /// combination of bounds proves it of all windows up to a million times as far from the mean as
+    /// these bounds, with rows known to 1e-12.
     Infeasible,
-    /// None of these could be shown, or an output was one that cannot be computed with. Also what nothing has been found for yet. What
-    /// is handed out then, and after `Infeasible`, is described at [`DdMhe::step`](crate::DdMhe::step).
+    /// None of these could be shown, or an output was one that cannot be computed with. Also what
+    /// nothing has been found for yet. What is handed out then, and after `Infeasible`, is
+    /// described at [`DdMhe::step`](crate::DdMhe::step).
     #[default]
     Failed,
 }

@@ -71,7 +71,11 @@ impl Surplus {
             (0..len).filter(|&i| rows.unit()[i] > 0.0).map(row).sum::<f64>().sqrt()
         };
         let ratio = size(&across) / size(&AK);
-        let stretch = if ratio.is_finite() && ratio > 0.0 { ratio / tol::PROXIMAL } else { 1.0 / tol::PROXIMAL };
+        let stretch = if ratio.is_finite() && ratio > 0.0 {
+            ratio / tol::PROXIMAL
+        } else {
+            1.0 / tol::PROXIMAL
+        };
         let all = &across + &AK * K.transpose() * faer::Scale(stretch);
         Surplus {
             first: Rows::new(all.as_ref(), rows.offset().to_vec(), rows.unit().to_vec()),
@@ -83,7 +87,9 @@ impl Surplus {
 
     /// Kᵀ z.
     fn unseen(&self, z: &[f64]) -> Vec<f64> {
-        (0..self.K.ncols()).map(|k| z.iter().zip(0..).map(|(z, j)| self.K[(j, k)] * z).sum()).collect()
+        (0..self.K.ncols())
+            .map(|k| z.iter().zip(0..).map(|(z, j)| self.K[(j, k)] * z).sum())
+            .collect()
     }
 
     /// z + K y.
@@ -165,7 +171,12 @@ impl Surplus {
     }
 
     /// From a window of least cost in z and w to the one of least norm among them.
-    fn second_stage<W: Windows>(&self, problem: &Problem<'_, W>, z: &mut [f64], w: &mut [f64]) -> (Status, u32) {
+    fn second_stage<W: Windows>(
+        &self,
+        problem: &Problem<'_, W>,
+        z: &mut [f64],
+        w: &mut [f64],
+    ) -> (Status, u32) {
         let (r, q) = self.K.shape();
         let back: Vec<f64> = self.unseen(&z[..r]).iter().map(|y| -y).collect();
         let seen = self.moved(&z[..r], &back);
@@ -188,7 +199,8 @@ impl Surplus {
             trust: Trust::CERTAIN,
         };
         let mut memory = vec![0.0; work_len(q)];
-        let (status, changes) = decide(&least, (&mut WorkingSet::default(), &mut memory), &mut y, &mut moved);
+        let (status, changes) =
+            decide(&least, (&mut WorkingSet::default(), &mut memory), &mut y, &mut moved);
         if matches!(status, Status::Optimal | Status::AlmostOptimal) {
             z[..r].copy_from_slice(&self.moved(&seen, &y[..q]));
             problem.windows.window(&z[..r], w);

@@ -16,7 +16,8 @@ pub struct Fold {
     pub history: History,
     /// The state before the first estimate (n), for settings that start from a state.
     pub x_prior: Vec<f64>,
-    /// Outputs to estimate from, N·p, time-major; NaN where not measured. None at all: only the stability is looked at.
+    /// Outputs to estimate from, N·p, time-major; NaN where not measured. None at all: only the
+    /// stability is looked at.
     pub outputs: Vec<f64>,
     /// The states that should come out, N·n.
     pub truth: Vec<f64>,
@@ -29,7 +30,8 @@ pub struct Fold {
 /// How one setting did on one fold.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Score {
-    /// Mean over states of the squares of (x̂ - x)/spread, and over the estimates of each span, infinite if the setting cannot be used on this fold.
+    /// Mean over states of the squares of (x̂ - x)/spread, and over the estimates of each span,
+    /// infinite if the setting cannot be used on this fold.
     pub errors: Vec<f64>,
     /// Spectral radius of the map prior → estimate, infinite likewise.
     pub spectral_radius: f64,
@@ -44,7 +46,11 @@ impl Fold {
         let (n, p) = (self.history.n(), self.history.p());
         check_vector("x_prior", &self.x_prior, n)?;
         if !self.outputs.len().is_multiple_of(p) {
-            return Err(Error::shape("outputs", format!("a multiple of p = {p} numbers"), self.outputs.len()));
+            return Err(Error::shape(
+                "outputs",
+                format!("a multiple of p = {p} numbers"),
+                self.outputs.len(),
+            ));
         }
         let expected = self.outputs.len() / p * n;
         if self.truth.len() != expected {
@@ -60,7 +66,8 @@ impl Fold {
         check_finite("truth", &self.truth, n)
     }
 
-    /// Of settings that differ in weights and space only, or of one of any kind; None for those that cannot be used.
+    /// Of settings that differ in weights and space only, or of one of any kind; None for those
+    /// that cannot be used.
     fn scores(&self, configs: &[&Config], stopped: &AtomicBool) -> Vec<Option<Score>> {
         let linear = is_linear(configs[0]) && self.outputs.iter().all(|y| y.is_finite());
         let filters = linear.then(|| Filters::new(&self.history, configs, stopped).ok()).flatten();
@@ -68,7 +75,8 @@ impl Fold {
             if stopped.load(Ordering::Relaxed) {
                 return None;
             }
-            match filters.as_ref().and_then(|filters| filters.run(k, &self.x_prior, &self.outputs)) {
+            match filters.as_ref().and_then(|filters| filters.run(k, &self.x_prior, &self.outputs))
+            {
                 Some((spectral_radius, x)) => self.compared(&x, spectral_radius),
                 None => self.score(config, stopped),
             }
@@ -92,15 +100,18 @@ impl Fold {
             let pairs = x.iter().zip(&self.truth).zip(self.spread.iter().cycle());
             pairs.take(span * n).map(|((a, b), spread)| ((a - b) / spread).powi(2)).sum()
         };
-        let errors: Vec<f64> = self.spans.iter().map(|&span| squares(span) / (span * n) as f64).collect();
+        let errors: Vec<f64> =
+            self.spans.iter().map(|&span| squares(span) / (span * n) as f64).collect();
         let finite = spectral_radius.is_finite() && errors.iter().all(|e| e.is_finite());
         finite.then_some(Score { errors, spectral_radius })
     }
 }
 
-/// Scores of (fold, setting) pairs, in their order, on all cores; `x_prior` of a setting that starts from a state is the fold's.
+/// Scores of (fold, setting) pairs, in their order, on all cores; `x_prior` of a setting that
+/// starts from a state is the fold's.
 ///
-/// `stop` is asked every 50 ms, with the number of pairs done; after true, what was not scored by then is None.
+/// `stop` is asked every 50 ms, with the number of pairs done; after true, what was not scored by
+/// then is None.
 ///
 /// # Errors
 /// [`Error::Value`] for a fold that does not exist, and as [`Fold::check`]. A setting that a fold is too short for is no error but an
@@ -114,7 +125,10 @@ pub fn validate(
     if let Some((fold, _)) = jobs.iter().find(|(fold, _)| *fold >= folds.len()) {
         return Err(Error::value("jobs", format!("folds below {}", folds.len()), fold));
     }
-    let useless = |fold: &Fold| Score { errors: vec![f64::INFINITY; fold.spans.len()], spectral_radius: f64::INFINITY };
+    let useless = |fold: &Fold| Score {
+        errors: vec![f64::INFINITY; fold.spans.len()],
+        spectral_radius: f64::INFINITY,
+    };
     let (groups, done) = (grouped(jobs), AtomicUsize::new(0));
     let scores = |group: &Vec<usize>, stopped: &AtomicBool| -> Vec<Option<Score>> {
         let fold = &folds[jobs[group[0]].0];
@@ -127,7 +141,8 @@ pub fn validate(
             .map(|s| (!stopped.load(Ordering::Relaxed)).then(|| s.unwrap_or_else(|| useless(fold))))
             .collect()
     };
-    let found = on_all_cores(groups.iter().collect(), scores, &mut |_| stop(done.load(Ordering::Relaxed)))?;
+    let found =
+        on_all_cores(groups.iter().collect(), scores, &mut |_| stop(done.load(Ordering::Relaxed)))?;
     let mut all = vec![None; jobs.len()];
     for (group, scores) in groups.iter().zip(found) {
         group.iter().zip(scores.unwrap_or_default()).for_each(|(&k, score)| all[k] = score);
@@ -135,7 +150,8 @@ pub fn validate(
     Ok(all)
 }
 
-/// Jobs that can share the decomposition of their windows, by number, in the order in which the first of each comes.
+/// Jobs that can share the decomposition of their windows, by number, in the order in which the
+/// first of each comes.
 fn grouped(jobs: &[(usize, Config)]) -> Vec<Vec<usize>> {
     let alike = |a: &(usize, Config), b: &(usize, Config)| {
         let shared = |config: &Config| (config.horizon, config.start, config.equilibrium.clone());

@@ -1,12 +1,16 @@
-//! What single channels give away: one that never moved in the recording, and angles that jump by a full turn.
+//! What single channels give away: one that never moved in the recording, and angles that jump by a
+//! full turn.
 //!
-//! A channel at rest tells the estimator nothing, and nothing of what it does when it moves online: its output is then fitted noise.
-//! A wrapped angle jumps by 2π or 360 where the motion is smooth. No linear system does that, and the squares of (17) take it for
-//! an error of a full turn. Neither can be mended here; both are said in words, the recording's at construction, the outputs' when
+//! A channel at rest tells the estimator nothing, and nothing of what it does when it moves online:
+//! its output is then fitted noise. A wrapped angle jumps by 2π or 360 where the motion is smooth.
+//! No linear system does that, and the squares of (17) take it for an error of a full turn. Neither
+//! can be mended here; both are said in words, the recording's at construction, the outputs' when
 //! they occur.
 //!
-//! *When is a jump a turn?* The channel stays within one of the usual ranges \[-½, ½\] or \[0, 1\] of a turn, or comes within a step of
-//! both ends of another; its ordinary steps are below a quarter of a turn, and the jump, unwrapped, is a step like those beside it. A square wave of about a turn has no steps beside it.
+//! *When is a jump a turn?* The channel stays within one of the usual ranges \[-½, ½\] or \[0, 1\]
+//! of a turn, or comes within a step of both ends of another; its ordinary steps are below a
+//! quarter of a turn, and the jump, unwrapped, is a step like those beside it. A square wave of
+//! about a turn has no steps beside it.
 
 use crate::error::Error;
 use crate::history::History;
@@ -16,7 +20,8 @@ use std::f64::consts::{PI, TAU};
 
 /// A full turn and the lower end of the range that it is wrapped to.
 const RANGES: [(f64, f64); 4] = [(TAU, -PI), (TAU, 0.0), (360.0, -180.0), (360.0, 0.0)];
-/// Values may leave the range by this share of a turn (printed digits), and an online step may differ from a turn by ten times that.
+/// Values may leave the range by this share of a turn (printed digits), and an online step may
+/// differ from a turn by ten times that.
 const SLACK: f64 = 2e-3;
 /// Largest ordinary step, as a share of a turn.
 const STEP: f64 = 0.25;
@@ -27,12 +32,13 @@ const LEAST: usize = 8;
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Watch {
     still: Vec<(usize, f64, f64)>, // output, its recorded value, how far from it is rounding
-    jump: Vec<f64>,                // by output: a step below this is none by a turn; infinite if it cannot be an angle
-    ranges: Vec<Vec<(f64, f64)>>,  // by output: what it may be wrapped to
-    usual: Vec<f64>,               // by output: the largest ordinary step
+    jump: Vec<f64>, // by output: a step below this is none by a turn; infinite if it cannot be an angle
+    ranges: Vec<Vec<(f64, f64)>>, // by output: what it may be wrapped to
+    usual: Vec<f64>, // by output: the largest ordinary step
 }
 
-/// What was seen online: the step at which each output first did what it never did in the recording.
+/// What was seen online: the step at which each output first did what it never did in the
+/// recording.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
 pub(crate) struct Seen {
     last: Vec<f64>,
@@ -81,7 +87,11 @@ impl Watch {
     /// Nothing seen yet.
     pub fn start(&self) -> Seen {
         let outputs = self.jump.len();
-        Seen { last: vec![f64::NAN; outputs], moved: vec![None; self.still.len()], turned: vec![None; outputs] }
+        Seen {
+            last: vec![f64::NAN; outputs],
+            moved: vec![None; self.still.len()],
+            turned: vec![None; outputs],
+        }
     }
 
     /// Takes note of y(t-1) (p numbers, NaN where not measured) at step t.
@@ -156,7 +166,9 @@ impl Channel<'_> {
     }
 
     fn extent(&self) -> (f64, f64) {
-        self.values().flatten().fold((f64::INFINITY, f64::NEG_INFINITY), |(lo, hi), v| (lo.min(v), hi.max(v)))
+        self.values()
+            .flatten()
+            .fold((f64::INFINITY, f64::NEG_INFINITY), |(lo, hi), v| (lo.min(v), hi.max(v)))
     }
 
     /// The one value of a channel that never moved, and how far from it is rounding.
@@ -181,20 +193,29 @@ impl Channel<'_> {
         let (low, high) = self.extent();
         let fits = |&(turn, lo): &(f64, f64)| {
             let usual = self.usual(0.5 * turn);
-            low >= lo - SLACK * turn && high <= lo + turn + SLACK * turn && usual > 0.0 && usual <= STEP * turn
+            low >= lo - SLACK * turn
+                && high <= lo + turn + SLACK * turn
+                && usual > 0.0
+                && usual <= STEP * turn
         };
-        // an angle that has jumped comes within a step of both ends of its range, wherever that begins
+        // an angle that has jumped comes within a step of both ends of its range, wherever that
+        // begins
         let between = |turn: f64| {
             let (extent, ends) = (high - low, 2.0 * self.usual(0.5 * turn));
             (extent >= turn - ends).then_some((turn, 0.5 * (low + high - turn)))
         };
-        RANGES.into_iter().chain([TAU, 360.0].into_iter().filter_map(between)).filter(fits).collect()
+        RANGES
+            .into_iter()
+            .chain([TAU, 360.0].into_iter().filter_map(between))
+            .filter(fits)
+            .collect()
     }
 
     /// What to say of a channel that jumps by full turns.
     fn wrapped(&self, name: &str) -> Option<String> {
         let Turns { turn, count, part, sample } = self.turns()?;
-        let place = if self.parts.len() > 1 { format!(" of recording {part}") } else { String::new() };
+        let place =
+            if self.parts.len() > 1 { format!(" of recording {part}") } else { String::new() };
         let turn = if turn == TAU { "2 pi" } else { "360" };
         let index = self.index;
         Some(format!(
@@ -211,7 +232,8 @@ impl Channel<'_> {
             for (part, steps) in self.steps().enumerate() {
                 let ordinary = |k: usize| steps.get(k).map_or(0.0, |s| s.abs()).min(STEP * turn);
                 for k in (0..steps.len()).filter(|&k| steps[k].abs() > 0.5 * turn) {
-                    let beside = if k > 0 { ordinary(k - 1).max(ordinary(k + 1)) } else { ordinary(k + 1) };
+                    let beside =
+                        if k > 0 { ordinary(k - 1).max(ordinary(k + 1)) } else { ordinary(k + 1) };
                     let is_turn = (steps[k].abs() - turn).abs() <= 2.0 * beside;
                     if is_turn { found.push((part, k + 1)) } else { others += 1 }
                 }
@@ -234,8 +256,9 @@ struct Turns {
     sample: usize,
 }
 
-/// The full turn (2π or 360) that a wrapped angle jumps by and the first entry after such a jump; None for any other
-/// signal. Entries that are not finite were not measured: those beside them count as neighbours.
+/// The full turn (2π or 360) that a wrapped angle jumps by and the first entry after such a jump;
+/// None for any other signal. Entries that are not finite were not measured: those beside them
+/// count as neighbours.
 pub fn wrapped_angle(values: &[f64]) -> Option<(f64, usize)> {
     let entries: Vec<usize> = (0..values.len()).filter(|&k| values[k].is_finite()).collect();
     let known: Vec<f64> = entries.iter().map(|&k| values[k]).collect();
@@ -250,7 +273,8 @@ pub(crate) fn still_states(history: &History) -> impl Iterator<Item = usize> {
     (0..history.n()).filter(move |&i| channel(i).still().is_some())
 }
 
-/// How far from a full turn a jump by one may be: by ordinary steps on both sides of it, or by printed digits.
+/// How far from a full turn a jump by one may be: by ordinary steps on both sides of it, or by
+/// printed digits.
 fn margin(usual: f64, turn: f64) -> f64 {
     (2.0 * usual).max(10.0 * SLACK * turn)
 }

@@ -14,7 +14,8 @@
 //! smallest up to so much.
 
 use crate::active_set::{
-    ActiveBound, Combination, Outcome, Problem, Trust, Windows, WorkingSet, solve_lower, solve_transposed,
+    ActiveBound, Combination, Outcome, Problem, Trust, Windows, WorkingSet, solve_lower,
+    solve_transposed,
 };
 use crate::qp;
 use crate::status::Status;
@@ -100,7 +101,11 @@ pub(crate) fn decide<W: Windows>(
 
 /// Into z and its window w: the answer, or z* with its window if there is none.
 #[cold]
-pub(crate) fn way_out<W: Windows>(problem: &Problem<'_, W>, z: &mut [f64], w: &mut [f64]) -> (Status, u32) {
+pub(crate) fn way_out<W: Windows>(
+    problem: &Problem<'_, W>,
+    z: &mut [f64],
+    w: &mut [f64],
+) -> (Status, u32) {
     let rows = Bounded::new(problem, w);
     let known = |bounds: &[f64]| bounds.iter().all(|b| !b.is_nan());
     if !problem.free.iter().all(|z| z.is_finite()) || !known(&rows.lo) || !known(&rows.hi) {
@@ -141,7 +146,9 @@ impl<'a, 'b, W: Windows> Bounded<'a, 'b, W> {
             }
         }
         let scale = |k: usize| all.inverse(rows[k]) / lengths[k];
-        let distance = |bounds: &[f64]| (0..rows.len()).map(|k| (bounds[rows[k]] - w[rows[k]]) * scale(k)).collect();
+        let distance = |bounds: &[f64]| {
+            (0..rows.len()).map(|k| (bounds[rows[k]] - w[rows[k]]) * scale(k)).collect()
+        };
         Bounded {
             lo: distance(problem.lo),
             hi: distance(problem.hi),
@@ -158,7 +165,8 @@ impl<'a, 'b, W: Windows> Bounded<'a, 'b, W> {
     /// The best of all proposals; z and w are what they are tried in.
     fn answer(&self, z: &mut [f64], w: &mut [f64]) -> Answer {
         let none = Residual::NONE;
-        let mut best = Answer { residual: none, z: Vec::new(), infeasible: self.none_moves(), iterations: 0 };
+        let mut best =
+            Answer { residual: none, z: Vec::new(), infeasible: self.none_moves(), iterations: 0 };
         for propose in [Bounded::trusting, Bounded::least_distance, Bounded::least_excess] {
             if best.residual.within(Residual::OPTIMAL) || best.infeasible {
                 break;
@@ -195,8 +203,9 @@ impl<'a, 'b, W: Windows> Bounded<'a, 'b, W> {
         if let Outcome::Optimal(changes) | Outcome::Infeasible(changes) = outcome {
             *iterations += changes;
         }
-        let place =
-            |side: &ActiveBound| self.rows.binary_search(&side.row).ok().map(|row| ActiveBound { row, ..*side });
+        let place = |side: &ActiveBound| {
+            self.rows.binary_search(&side.row).ok().map(|row| ActiveBound { row, ..*side })
+        };
         let sides: Vec<ActiveBound> = sides.iter().filter_map(place).collect();
         let multipliers = sides.iter().zip(u).map(|(side, u)| u * self.lengths[side.row]).collect();
         let infeasible = matches!(outcome, Outcome::Infeasible(_));
@@ -215,10 +224,14 @@ impl<'a, 'b, W: Windows> Bounded<'a, 'b, W> {
 
     fn proposed(&self, solve: qp::Programme, iterations: &mut u32) -> Proposed {
         // distances of about 1, whatever the problem's
-        let far = (0..self.rows.len()).map(|k| self.lo[k].max(-self.hi[k])).fold(f64::MIN_POSITIVE, f64::max);
+        let far = (0..self.rows.len())
+            .map(|k| self.lo[k].max(-self.hi[k]))
+            .fold(f64::MIN_POSITIVE, f64::max);
         let scaled = |bounds: &[f64]| bounds.iter().map(|b| b / far).collect::<Vec<f64>>();
         let (lo, hi) = (scaled(&self.lo), scaled(&self.hi));
-        let Some(proposal) = solve(self.normals.as_ref(), &lo, &hi) else { return Proposed::default() };
+        let Some(proposal) = solve(self.normals.as_ref(), &lo, &hi) else {
+            return Proposed::default();
+        };
         *iterations += proposal.iterations;
         // active: a multiplier that is larger than the distance to the bound
         let slack = |side: &ActiveBound| {
@@ -227,7 +240,10 @@ impl<'a, 'b, W: Windows> Bounded<'a, 'b, W> {
         };
         let active = proposal.multipliers.iter().filter(|(side, u)| *u > slack(side));
         let (sides, multipliers) = active.map(|(side, u)| (*side, u * far)).unzip();
-        Proposed { point: self.point(sides, multipliers), infeasible: self.proves(&proposal.multipliers) }
+        Proposed {
+            point: self.point(sides, multipliers),
+            infeasible: self.proves(&proposal.multipliers),
+        }
     }
 
     /// t = Σ u n.
@@ -248,14 +264,19 @@ impl<'a, 'b, W: Windows> Bounded<'a, 'b, W> {
     /// a bounded number of changes.
     fn minimiser(&self, mut sides: Vec<ActiveBound>, cut: f64) -> Option<Point> {
         for _ in 0..tol::ACTIVE_SET_CHANGES {
-            let (t, multipliers) = self.least_norm(&sides, cut, |side| side.sign * self.bound(side))?;
+            let (t, multipliers) =
+                self.least_norm(&sides, cut, |side| side.sign * self.bound(side))?;
             let size = norm(&t);
             let excess = |side: ActiveBound| {
                 let along: f64 = (0..self.r).map(|j| self.normals[(side.row, j)] * t[j]).sum();
-                side.sign * (self.bound(side) - along) / (self.units[side.row] + tol::RELATIVE * size)
+                side.sign * (self.bound(side) - along)
+                    / (self.units[side.row] + tol::RELATIVE * size)
             };
-            let both = (0..self.rows.len()).flat_map(|row| [1.0, -1.0].map(|sign| ActiveBound { row, sign }));
-            let worst = both.filter(|s| self.bound(*s).is_finite()).max_by(|a, b| excess(*a).total_cmp(&excess(*b)))?;
+            let both = (0..self.rows.len())
+                .flat_map(|row| [1.0, -1.0].map(|sign| ActiveBound { row, sign }));
+            let worst = both
+                .filter(|s| self.bound(*s).is_finite())
+                .max_by(|a, b| excess(*a).total_cmp(&excess(*b)))?;
             if excess(worst) > tol::ACTIVE_SET {
                 if sides.contains(&worst) {
                     return None; // dependent rows that contradict each other
@@ -287,11 +308,14 @@ impl<'a, 'b, W: Windows> Bounded<'a, 'b, W> {
         if sides.is_empty() {
             return Some((t, u));
         }
-        let N = Mat::from_fn(sides.len(), self.r, |i, j| sides[i].sign * self.normals[(sides[i].row, j)]);
+        let N = Mat::from_fn(sides.len(), self.r, |i, j| {
+            sides[i].sign * self.normals[(sides[i].row, j)]
+        });
         let svd = N.thin_svd().ok()?;
         let sigma = svd.S().column_vector();
         for i in (0..sigma.nrows()).take_while(|&i| sigma[i] > cut * sigma[0]) {
-            let part = (0..sides.len()).map(|a| svd.U()[(a, i)] * along(sides[a])).sum::<f64>() / sigma[i];
+            let part =
+                (0..sides.len()).map(|a| svd.U()[(a, i)] * along(sides[a])).sum::<f64>() / sigma[i];
             (0..self.r).for_each(|j| t[j] += part * svd.V()[(j, i)]);
             (0..sides.len()).for_each(|a| u[a] += part / sigma[i] * svd.U()[(a, i)]);
         }
@@ -310,11 +334,15 @@ impl<'a, 'b, W: Windows> Bounded<'a, 'b, W> {
             }
             z.iter_mut().zip(&step).for_each(|(z, step)| *z += step);
             windows.window(&z[..r], w);
-            let off = |side: &ActiveBound| self.missing(*side, w).abs() > tol::VIOLATED * self.units[side.row];
+            let off = |side: &ActiveBound| {
+                self.missing(*side, w).abs() > tol::VIOLATED * self.units[side.row]
+            };
             if !point.sides.iter().any(off) {
                 break;
             }
-            let Some((back, _)) = self.least_norm(&point.sides, tol::SETTLE, |side| self.missing(side, w)) else {
+            let Some((back, _)) =
+                self.least_norm(&point.sides, tol::SETTLE, |side| self.missing(side, w))
+            else {
                 break;
             };
             step = back;
@@ -345,14 +373,18 @@ impl<'a, 'b, W: Windows> Bounded<'a, 'b, W> {
             gap += u * off;
         }
         for k in 0..self.rows.len() {
-            for side in
-                [1.0, -1.0].map(|sign| ActiveBound { row: k, sign }).into_iter().filter(|s| self.bound(*s).is_finite())
+            for side in [1.0, -1.0]
+                .map(|sign| ActiveBound { row: k, sign })
+                .into_iter()
+                .filter(|s| self.bound(*s).is_finite())
             {
                 bounds = bounds.max(self.missing(side, w) / units(k));
             }
         }
         let minimiser = (norm(&rest) / scale).max(gap / (scale * scale));
-        let finite = bounds.is_finite() && minimiser.is_finite() && z[..self.r].iter().all(|z| z.is_finite());
+        let finite = bounds.is_finite()
+            && minimiser.is_finite()
+            && z[..self.r].iter().all(|z| z.is_finite());
         if finite { Residual { bounds, minimiser } } else { Residual::NONE }
     }
 
@@ -371,12 +403,15 @@ impl<'a, 'b, W: Windows> Bounded<'a, 'b, W> {
         if sides.is_empty() {
             return false;
         }
-        let N = Mat::from_fn(sides.len(), self.r, |i, j| sides[i].sign * self.normals[(sides[i].row, j)]);
+        let N = Mat::from_fn(sides.len(), self.r, |i, j| {
+            sides[i].sign * self.normals[(sides[i].row, j)]
+        });
         let Ok(svd) = N.thin_svd() else { return false };
         let sigma = svd.S().column_vector();
         let mut sum = Combination::default();
         for _ in 0..tol::REFINEMENTS {
-            let rest: Vec<f64> = (0..self.r).map(|j| (0..u.len()).map(|a| N[(a, j)] * u[a]).sum()).collect();
+            let rest: Vec<f64> =
+                (0..self.r).map(|j| (0..u.len()).map(|a| N[(a, j)] * u[a]).sum()).collect();
             sum = Combination::new(norm(&rest));
             let weigh = |(side, u): (&ActiveBound, &f64)| {
                 let outside = ActiveBound { row: self.rows[side.row], ..*side };
@@ -433,13 +468,18 @@ mod tests {
             let (sign, off) = match rng.random_range(0..12) {
                 0 if i > 0 => (1.0, 0.0),
                 1 if i > 0 => (-1.0, 0.0),
-                2 if i > 0 => (if rng.random_bool(0.5) { 1.0 } else { -1.0 }, 10_f64.powi(-rng.random_range(2..15))),
+                2 if i > 0 => (
+                    if rng.random_bool(0.5) { 1.0 } else { -1.0 },
+                    10_f64.powi(-rng.random_range(2..15)),
+                ),
                 _ => (0.0, 1.0),
             };
-            let scale = if rng.random_bool(0.5) { 1.0 } else { 10_f64.powf(rng.random_range(-8.0..0.0)) };
+            let scale =
+                if rng.random_bool(0.5) { 1.0 } else { 10_f64.powf(rng.random_range(-8.0..0.0)) };
             let length = if unit[other] > 0.0 { unit[other] } else { 1.0 };
             for j in 0..r {
-                A[(i, j)] = scale * (sign * A[(other, j)] / length + off * rng.random_range(-1.0..1.0));
+                A[(i, j)] =
+                    scale * (sign * A[(other, j)] / length + off * rng.random_range(-1.0..1.0));
             }
             unit[i] = scale;
         }
@@ -450,7 +490,8 @@ mod tests {
         let (mut lo, mut hi) = (vec![-INF; len], vec![INF; len]);
         for i in 0..rows {
             let w = along(&A, i, &inside);
-            let mut room = || if rng.random_bool(0.3) { 0.0 } else { unit[i] * rng.random_range(0.0..0.5) };
+            let mut room =
+                || if rng.random_bool(0.3) { 0.0 } else { unit[i] * rng.random_range(0.0..0.5) };
             let (below, above) = (room(), room());
             match rng.random_range(0..5) {
                 0 => (lo[i], hi[i]) = (w, w),
@@ -468,12 +509,15 @@ mod tests {
             excess = 10_f64.powf(rng.random_range(-8.0..1.0));
             let last = rows - 1;
             unit[last] = 1.0;
-            (0..r).for_each(|j| A[(last, j)] = (0..many).map(|i| weights[i] * A[(i, j)] / unit[i]).sum());
+            (0..r).for_each(|j| {
+                A[(last, j)] = (0..many).map(|i| weights[i] * A[(i, j)] / unit[i]).sum()
+            });
             for i in 0..many {
                 hi[i] = along(&A, i, &inside);
                 lo[i] = lo[i].min(hi[i]);
             }
-            lo[last] = (0..many).map(|i| weights[i] * hi[i] / unit[i]).sum::<f64>() + excess * (many as f64 + 1.0);
+            lo[last] = (0..many).map(|i| weights[i] * hi[i] / unit[i]).sum::<f64>()
+                + excess * (many as f64 + 1.0);
             hi[last] = INF;
         }
         Hostile { A, unit, free, inside, lo, hi, excess }
@@ -493,12 +537,16 @@ mod tests {
             trust: Trust::CERTAIN,
         };
         let (mut z, mut w) = (vec![0.0; padded(r)], vec![0.0; len]);
-        let (status, quick) =
-            match problem.solve(&mut WorkingSet::default(), &mut vec![0.0; work_len(r)], &mut z, &mut w) {
-                Outcome::Optimal(_) => (Status::Optimal, true),
-                Outcome::Infeasible(_) => (Status::Infeasible, true),
-                Outcome::Uncertain => (way_out(&problem, &mut z, &mut w).0, false),
-            };
+        let (status, quick) = match problem.solve(
+            &mut WorkingSet::default(),
+            &mut vec![0.0; work_len(r)],
+            &mut z,
+            &mut w,
+        ) {
+            Outcome::Optimal(_) => (Status::Optimal, true),
+            Outcome::Infeasible(_) => (Status::Infeasible, true),
+            Outcome::Uncertain => (way_out(&problem, &mut z, &mut w).0, false),
+        };
         (status, quick, z, w)
     }
 
@@ -521,13 +569,25 @@ mod tests {
                 Status::Failed => continue,
             };
             // a row is summed from numbers of this size
-            let size =
-                |i: usize| z[..p.A.ncols()].iter().zip(0..).map(|(z, j)| (p.A[(i, j)] * z).powi(2)).sum::<f64>().sqrt();
-            let violation =
-                |i: usize| (p.lo[i] - w[i]).max(w[i] - p.hi[i]) / (p.unit[i] + 10.0 * tol::SUMMED * size(i));
-            let worst = (0..w.len()).filter(|i| p.unit[*i] > 0.0).map(violation).fold(0.0, f64::max);
+            let size = |i: usize| {
+                z[..p.A.ncols()]
+                    .iter()
+                    .zip(0..)
+                    .map(|(z, j)| (p.A[(i, j)] * z).powi(2))
+                    .sum::<f64>()
+                    .sqrt()
+            };
+            let violation = |i: usize| {
+                (p.lo[i] - w[i]).max(w[i] - p.hi[i]) / (p.unit[i] + 10.0 * tol::SUMMED * size(i))
+            };
+            let worst =
+                (0..w.len()).filter(|i| p.unit[*i] > 0.0).map(violation).fold(0.0, f64::max);
             assert!(worst <= tolerance * 1.001, "{k}: {status:?} {worst:e}");
-            assert!(p.excess < 1e-6, "{k}: {status:?} although bounds contradict each other by {:e}", p.excess);
+            assert!(
+                p.excess < 1e-6,
+                "{k}: {status:?} although bounds contradict each other by {:e}",
+                p.excess
+            );
             if p.excess == 0.0 {
                 // no admissible direction leads down: (z - z*)ᵀ(q - z) ≥ 0 for every q inside
                 let sum = |f: &dyn Fn(usize) -> f64| (0..p.inside.len()).map(f).sum::<f64>();
@@ -545,6 +605,9 @@ mod tests {
         };
         // nearly all of them are decided, and only what is nearly dependent needs the way out
         assert!(of("feasible", "failed") < 28 && of("contradicting", "failed") < 12, "{counts:?}");
-        assert!(of("feasible", "optimal") > 13_000 && of("contradicting", "infeasible") > 5_500, "{counts:?}");
+        assert!(
+            of("feasible", "optimal") > 13_000 && of("contradicting", "infeasible") > 5_500,
+            "{counts:?}"
+        );
     }
 }

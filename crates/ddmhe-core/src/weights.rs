@@ -12,7 +12,8 @@ use std::borrow::Cow;
 #[derive(Debug, Clone)]
 pub(crate) struct Weights {
     pub rho: f64,
-    /// What the cost in scaled units is to be multiplied with: 1, or for weights in the user's units the mean of the s_x².
+    /// What the cost in scaled units is to be multiplied with: 1, or for weights in the user's
+    /// units the mean of the s_x².
     pub unit: f64,
     prior: Mat<f64>, // U with P = UᵀU: n × n
     noise: Mat<f64>, // U with R = UᵀU: p × p
@@ -20,7 +21,8 @@ pub(crate) struct Weights {
     plain: bool,       // R is diagonal
     plain_prior: bool, // P is
     opening: bool,     // the prior is that of an unknown start
-    /// What a scaled output is multiplied with where all outputs are to count alike: 1, or to the user's units.
+    /// What a scaled output is multiplied with where all outputs are to count alike: 1, or to the
+    /// user's units.
     pub alike: Vec<f64>,
 }
 
@@ -46,16 +48,25 @@ impl Weights {
             }
             (None, _) => {
                 let mu = config.mu.unwrap_or(rule.mu * unit / unit_y);
-                let of = |s: &[f64], weight: f64| s.iter().map(|s| s * (weight / unit).sqrt()).collect::<Vec<_>>();
-                Ok(Weights::diagonal(rho, unit, &of(&scaling.s_x, 1.0), &of(&scaling.s_y, mu), alike))
+                let of = |s: &[f64], weight: f64| {
+                    s.iter().map(|s| s * (weight / unit).sqrt()).collect::<Vec<_>>()
+                };
+                Ok(Weights::diagonal(
+                    rho,
+                    unit,
+                    &of(&scaling.s_x, 1.0),
+                    &of(&scaling.s_y, mu),
+                    alike,
+                ))
             }
         }
     }
 
     /// From the roots of the diagonals of P and R.
     fn diagonal(rho: f64, unit: f64, prior: &[f64], noise: &[f64], alike: Vec<f64>) -> Self {
-        let matrix =
-            |d: &[f64], power: i32| Mat::from_fn(d.len(), d.len(), |i, j| if i == j { d[i].powi(power) } else { 0.0 });
+        let matrix = |d: &[f64], power: i32| {
+            Mat::from_fn(d.len(), d.len(), |i, j| if i == j { d[i].powi(power) } else { 0.0 })
+        };
         Weights {
             rho,
             unit,
@@ -70,9 +81,18 @@ impl Weights {
     }
 
     /// A certificate's P and R, in cost units of `unit`. None unless both are positive definite.
-    fn certified(certificate: &Certificate, unit: f64, scaling: &Scaling, alike: Vec<f64>) -> Option<Self> {
+    fn certified(
+        certificate: &Certificate,
+        unit: f64,
+        scaling: &Scaling,
+        alike: Vec<f64>,
+    ) -> Option<Self> {
         let scaled = |matrix: &[f64], s: &[f64]| -> Vec<f64> {
-            matrix.iter().enumerate().map(|(k, m)| m * s[k / s.len()] * s[k % s.len()] / unit).collect()
+            matrix
+                .iter()
+                .enumerate()
+                .map(|(k, m)| m * s[k / s.len()] * s[k % s.len()] / unit)
+                .collect()
         };
         let (P, R) = (scaled(&certificate.P, &scaling.s_x), scaled(&certificate.R, &scaling.s_y));
         let p = scaling.s_y.len();
@@ -114,7 +134,8 @@ impl Weights {
         costs.sum::<f64>() / variances.len() as f64
     }
 
-    /// The same for a run from an unknown state: UᵀU is the weight of its first prior, at every depth.
+    /// The same for a run from an unknown state: UᵀU is the weight of its first prior, at every
+    /// depth.
     pub fn opening(&self, U: Mat<f64>) -> Self {
         Weights { prior: U, plain_prior: false, opening: true, ..self.clone() }
     }
@@ -134,8 +155,9 @@ impl Weights {
         self.factor(measured).as_ref() * faer::Scale(self.rho.powi(age as i32 - 1).sqrt())
     }
 
-    /// The weight R of one sample (p × p, by rows, into `out`) without the channels that were not measured: these are free to be
-    /// anything, so what is left for the others is the Schur complement of their block, and zeros.
+    /// The weight R of one sample (p × p, by rows, into `out`) without the channels that were not
+    /// measured: these are free to be anything, so what is left for the others is the Schur
+    /// complement of their block, and zeros.
     pub fn reduced(&self, measured: impl Fn(usize) -> bool, out: &mut [f64]) {
         let p = self.R.nrows();
         out.iter_mut().enumerate().for_each(|(k, r)| *r = self.R[(k / p, k % p)]);
@@ -149,7 +171,8 @@ impl Weights {
         }
     }
 
-    /// What the weight of y(t-j), j = `age`, loses (p × p, by rows, into `out`) with the channels that were not measured.
+    /// What the weight of y(t-j), j = `age`, loses (p × p, by rows, into `out`) with the channels
+    /// that were not measured.
     pub fn lost(&self, age: usize, measured: impl Fn(usize) -> bool, out: &mut [f64]) {
         let (p, discount) = (self.R.nrows(), self.rho.powi(age as i32 - 1));
         self.reduced(measured, out);
@@ -176,13 +199,14 @@ impl Weights {
         Cow::Owned(U)
     }
 
-    /// Weight of the square of each entry of a fitted noise in the user's units (m·p, oldest first) in the cost; None with a
-    /// certificate's matrices.
+    /// Weight of the square of each entry of a fitted noise in the user's units (m·p, oldest first)
+    /// in the cost; None with a certificate's matrices.
     pub fn diagonal_noise(&self, depth: usize, s_y: &[f64]) -> Option<Vec<f64>> {
         let p = s_y.len();
         let weight = |row: usize| {
             let i = row % p;
-            self.R[(i, i)] * self.rho.powi((depth - 1 - row / p) as i32) * self.unit / s_y[i].powi(2)
+            self.R[(i, i)] * self.rho.powi((depth - 1 - row / p) as i32) * self.unit
+                / s_y[i].powi(2)
         };
         self.plain.then(|| (0..depth * p).map(weight).collect())
     }
@@ -201,8 +225,8 @@ impl Weights {
         sum
     }
 
-    /// The second term of (17) in scaled units for a certificate's R, of the fitted noise v in the user's units (m·p, time-major,
-    /// NaN where not measured); `block` is room for p × p numbers.
+    /// The second term of (17) in scaled units for a certificate's R, of the fitted noise v in the
+    /// user's units (m·p, time-major, NaN where not measured); `block` is room for p × p numbers.
     pub fn noise_cost(&self, v: &[f64], s_y: &[f64], block: &mut [f64]) -> f64 {
         let p = self.R.nrows();
         v.chunks_exact(p).fold(0.0, |sum, v| {

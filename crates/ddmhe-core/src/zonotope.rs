@@ -1,9 +1,10 @@
 //! Zonotopes ⟨p, M⟩ = {p + M ξ : ‖ξ‖∞ ≤ 1}: the sets that the interval observer carries.
 //!
-//! Equation numbers are those of the interval paper ("Interval Estimation for Bounded Jacobian Nonlinear Systems by
-//! Zonotope Analysis"). Maps, sums, reductions, hulls and supports enclose: the exact set lies in what they return. Where
-//! no operation rounds they are exact, otherwise larger by what was rounded away. Membership is to 1e-9 of the set's
-//! size and never refuses a point of the set; the volume is rounded like any other number.
+//! Equation numbers are those of the interval paper ("Interval Estimation for Bounded Jacobian
+//! Nonlinear Systems by Zonotope Analysis"). Maps, sums, reductions, hulls and supports enclose:
+//! the exact set lies in what they return. Where no operation rounds they are exact, otherwise
+//! larger by what was rounded away. Membership is to 1e-9 of the set's size and never refuses a
+//! point of the set; the volume is rounded like any other number.
 
 use crate::check::check_vector;
 use crate::error::Error;
@@ -18,7 +19,8 @@ mod reduce;
 pub use reduce::Reduction;
 pub(crate) use reduce::reduce;
 
-/// A zonotope in n dimensions. Generators are stored one after another (column-major, n numbers each).
+/// A zonotope in n dimensions. Generators are stored one after another (column-major, n numbers
+/// each).
 #[derive(Debug, Clone, PartialEq)]
 pub struct Zonotope {
     center: Vec<f64>,
@@ -74,10 +76,11 @@ impl Zonotope {
         &self.generators
     }
 
-    /// Holds A ⊙ ⟨p, M⟩ = ⟨A p, A M⟩ (2), A row-major with n columns, and is that set where nothing rounds.
+    /// Holds A ⊙ ⟨p, M⟩ = ⟨A p, A M⟩ (2), A row-major with n columns, and is that set where nothing
+    /// rounds.
     ///
-    /// Otherwise the generators are longer by what was lost, less than 1e-9 of each; where they do not span all
-    /// directions well, up to one axis-parallel generator a row is added.
+    /// Otherwise the generators are longer by what was lost, less than 1e-9 of each; where they do
+    /// not span all directions well, up to one axis-parallel generator a row is added.
     ///
     /// # Errors
     /// Shape or value of A; an image beyond the range of floats.
@@ -89,7 +92,11 @@ impl Zonotope {
     fn image(&self, A: &[f64], box_: &[f64]) -> Result<Self, Error> {
         let n = self.n();
         if A.is_empty() || !A.len().is_multiple_of(n) {
-            return Err(Error::shape("A", format!("rows of {n} numbers"), format!("{} numbers", A.len())));
+            return Err(Error::shape(
+                "A",
+                format!("rows of {n} numbers"),
+                format!("{} numbers", A.len()),
+            ));
         }
         check_finite("A", A, n)?;
         let mut lost = vec![0.0; A.len() / n];
@@ -106,7 +113,8 @@ impl Zonotope {
         Zonotope::widened("A", image, generators, &lost)
     }
 
-    /// ⟨center, generators⟩ ⊕ the box of half widths `lost`; `argument` is to blame if floats do not hold it.
+    /// ⟨center, generators⟩ ⊕ the box of half widths `lost`; `argument` is to blame if floats do
+    /// not hold it.
     fn widened(
         argument: &'static str,
         center: Vec<f64>,
@@ -130,7 +138,8 @@ impl Zonotope {
         self.plus("v", v, &[])
     }
 
-    /// Holds ⟨p₁, M₁⟩ ⊕ ⟨p₂, M₂⟩ = ⟨p₁ + p₂, \[M₁, M₂\]⟩ (5); what the centers' sum rounds widens as in
+    /// Holds ⟨p₁, M₁⟩ ⊕ ⟨p₂, M₂⟩ = ⟨p₁ + p₂, \[M₁, M₂\]⟩ (5); what the centers' sum rounds widens
+    /// as in
     /// [`linear_map`](Self::linear_map).
     ///
     /// # Errors
@@ -142,12 +151,19 @@ impl Zonotope {
         self.plus("other", &other.center, &other.generators)
     }
 
-    fn plus(&self, argument: &'static str, center: &[f64], generators: &[f64]) -> Result<Self, Error> {
-        let (center, lost): (Vec<f64>, Vec<f64>) = self.center.iter().zip(center).map(|(&a, &b)| sum(a, b)).unzip();
+    fn plus(
+        &self,
+        argument: &'static str,
+        center: &[f64],
+        generators: &[f64],
+    ) -> Result<Self, Error> {
+        let (center, lost): (Vec<f64>, Vec<f64>) =
+            self.center.iter().zip(center).map(|(&a, &b)| sum(a, b)).unzip();
         Zonotope::widened(argument, center, [&self.generators[..], generators].concat(), &lost)
     }
 
-    /// \[M\] Bᵐ ⊕ p ⊂ ⟨mid A p + …, \[D^c, D^s\]⟩, Lemma 2: an interval matrix (row-major, n columns) times this zonotope.
+    /// \[M\] Bᵐ ⊕ p ⊂ ⟨mid A p + …, \[D^c, D^s\]⟩, Lemma 2: an interval matrix (row-major, n
+    /// columns) times this zonotope.
     ///
     /// # Errors
     /// Shape or value of A; an image beyond the range of floats.
@@ -195,23 +211,30 @@ impl Zonotope {
         Ok(if support.is_nan() { f64::INFINITY } else { support })
     }
 
-    /// Is x in the set? Two cheap tests first (outside of the hull; least-norm ξ inside the unit box), then the linear
-    /// programme min ‖ξ‖∞ subject to M ξ = x - p. Points within 1e-9 of the boundary, relative to the set, count as in.
+    /// Is x in the set? Two cheap tests first (outside of the hull; least-norm ξ inside the unit
+    /// box), then the linear programme min ‖ξ‖∞ subject to M ξ = x - p. Points within 1e-9 of the
+    /// boundary, relative to the set, count as in.
     ///
     /// # Errors
     /// Shape or value of x.
     pub fn contains(&self, x: &[f64]) -> Result<bool, Error> {
         let n = self.n();
         check_vector("x", x, n)?;
-        // every row in a unit, a power of two, in which its numbers are below one: sums cannot leave the floats
+        // every row in a unit, a power of two, in which its numbers are below one: sums cannot
+        // leave the floats
         let units = self.units(x);
-        let scaled =
-            |v: &[f64]| -> Vec<f64> { v.iter().zip(units.iter().cycle()).map(|(v, u)| libm::scalbn(*v, -u)).collect() };
+        let scaled = |v: &[f64]| -> Vec<f64> {
+            v.iter().zip(units.iter().cycle()).map(|(v, u)| libm::scalbn(*v, -u)).collect()
+        };
         let (x, generators) = (&scaled(x)[..], &scaled(&self.generators)[..]);
         let d: Vec<f64> = x.iter().zip(scaled(&self.center)).map(|(x, c)| x - c).collect();
         let half = row_sums(n, generators);
         let room = 1.0 + tol::MEMBER;
-        if d.iter().zip(&half).zip(x).any(|((d, h), x)| d.abs() > h * room + 2.0 * f64::EPSILON * x.abs()) {
+        if d.iter()
+            .zip(&half)
+            .zip(x)
+            .any(|((d, h), x)| d.abs() > h * room + 2.0 * f64::EPSILON * x.abs())
+        {
             return Ok(false);
         }
         // Flat directions and units of different size: work in units of the half widths.
@@ -220,16 +243,19 @@ impl Zonotope {
             return Ok(true);
         }
         let d: Vec<f64> = kept.iter().map(|&i| d[i] / half[i]).collect();
-        let columns: Vec<f64> = generators.chunks_exact(n).flat_map(|g| kept.iter().map(|&i| g[i] / half[i])).collect();
+        let columns: Vec<f64> =
+            generators.chunks_exact(n).flat_map(|g| kept.iter().map(|&i| g[i] / half[i])).collect();
         let rest = |xi: &[f64]| -> Vec<f64> {
-            let image = |i: usize| (0..xi.len()).map(|j| columns[j * d.len() + i] * xi[j]).sum::<f64>();
+            let image =
+                |i: usize| (0..xi.len()).map(|j| columns[j * d.len() + i] * xi[j]).sum::<f64>();
             (0..d.len()).map(|i| d[i] - image(i)).collect()
         };
         // ξ moved onto M ξ = d: does it prove that x is in?
         let proves = |xi: &[f64]| {
             least_norm(&columns, &rest(xi)).is_some_and(|step| {
                 let xi: Vec<f64> = xi.iter().zip(step).map(|(a, b)| a + b).collect();
-                xi.iter().all(|v| v.abs() <= room) && rest(&xi).iter().all(|r| r.abs() <= tol::MEMBER)
+                xi.iter().all(|v| v.abs() <= room)
+                    && rest(&xi).iter().all(|r| r.abs() <= tol::MEMBER)
             })
         };
         if proves(&vec![0.0; columns.len() / d.len()]) {
@@ -239,8 +265,8 @@ impl Zonotope {
         if proves(&xi) {
             return Ok(true);
         }
-        // only a plane between the point and the set refuses it, its normal y however good; in units of the half widths
-        // the products and the divisions round by this much
+        // only a plane between the point and the set refuses it, its normal y however good; in
+        // units of the half widths the products and the divisions round by this much
         let reach: f64 = columns.chunks_exact(d.len()).map(|g| map(&y, g)[0].abs()).sum();
         let size: f64 = y.iter().zip(&d).map(|(y, d)| y.abs() * (1.0 + d.abs())).sum();
         let apart = map(&y, &d)[0] > reach * room + (n as f64 + 6.0) * f64::EPSILON * size;
@@ -250,7 +276,9 @@ impl Zonotope {
     /// Exponents of two of each row's largest number, those of x (n) among them.
     fn units(&self, x: &[f64]) -> Vec<i32> {
         let mut largest: Vec<f64> = x.iter().map(|v| v.abs()).collect();
-        for column in std::iter::once(&self.center[..]).chain(self.generators.chunks_exact(self.n())) {
+        for column in
+            std::iter::once(&self.center[..]).chain(self.generators.chunks_exact(self.n()))
+        {
             largest.iter_mut().zip(column).for_each(|(l, v)| *l = l.max(v.abs()));
         }
         largest.iter().map(|l| if *l > 0.0 { libm::ilogb(*l) + 1 } else { 0 }).collect()
@@ -261,7 +289,8 @@ impl Zonotope {
         self.half_widths().into_iter().fold(0.0, f64::max)
     }
 
-    /// 2ⁿ Σ |det| over all choices of n generators: the exact volume (length, area), up to rounding.
+    /// 2ⁿ Σ |det| over all choices of n generators: the exact volume (length, area), up to
+    /// rounding.
     ///
     /// # Errors
     /// n above 3; a volume beyond the range of floats.
@@ -272,8 +301,12 @@ impl Zonotope {
         }
         let spread = Zonotope { center: vec![0.0; n], generators: self.generators.clone() };
         let units = spread.units(&vec![0.0; n]);
-        let scaled: Vec<f64> =
-            self.generators.iter().zip(units.iter().cycle()).map(|(v, u)| libm::scalbn(*v, -u)).collect();
+        let scaled: Vec<f64> = self
+            .generators
+            .iter()
+            .zip(units.iter().cycle())
+            .map(|(v, u)| libm::scalbn(*v, -u))
+            .collect();
         let volume = libm::scalbn(small_volume(n, &scaled), units.iter().sum());
         finite("volume", &[volume])?;
         Ok(volume)
@@ -312,7 +345,11 @@ fn small_volume(n: usize, generators: &[f64]) -> f64 {
         _ => {
             let triples = pairs.map(|(i, j)| {
                 let (a, b) = (g[i], g[j]);
-                let cross = [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
+                let cross = [
+                    a[1] * b[2] - a[2] * b[1],
+                    a[2] * b[0] - a[0] * b[2],
+                    a[0] * b[1] - a[1] * b[0],
+                ];
                 (0..j).map(|k| map(&cross, g[k])[0].abs()).sum::<f64>()
             });
             8.0 * triples.sum::<f64>()
@@ -322,14 +359,22 @@ fn small_volume(n: usize, generators: &[f64]) -> f64 {
 
 /// Bounds of dᵀe over all e of ⟨0, M⟩ with aᵀe in `strip`; None if there is no such e.
 ///
-/// One two-sided constraint leaves a linear programme whose dual has one variable: for every ν
-/// dᵀe ≤ Σ|dᵀg - ν aᵀg| + max(ν strip), so whatever ν is found the bound holds; the best one is at a kink dᵀg/aᵀg or at 0.
-/// `sums` are the [`row_sums`] of the columns.
-pub(crate) fn strip_range(columns: &[f64], sums: &[f64], d: &[f64], a: &[f64], strip: Interval) -> Option<Interval> {
+/// One two-sided constraint leaves a linear programme whose dual has one variable: for every ν dᵀe
+/// ≤ Σ|dᵀg - ν aᵀg| + max(ν strip), so whatever ν is found the bound holds; the best one is at a
+/// kink dᵀg/aᵀg or at 0. `sums` are the [`row_sums`] of the columns.
+pub(crate) fn strip_range(
+    columns: &[f64],
+    sums: &[f64],
+    d: &[f64],
+    a: &[f64],
+    strip: Interval,
+) -> Option<Interval> {
     let n = d.len();
     let inner = |x: &[f64], g: &[f64]| x.iter().zip(g).map(|(x, g)| x * g).sum::<f64>();
-    let images: Vec<(f64, f64)> = columns.chunks_exact(n).map(|g| (inner(d, g), inner(a, g))).collect();
-    // what rounding may have taken from the images, summed over the generators; MIN_POSITIVE: below the normal numbers
+    let images: Vec<(f64, f64)> =
+        columns.chunks_exact(n).map(|g| (inner(d, g), inner(a, g))).collect();
+    // what rounding may have taken from the images, summed over the generators; MIN_POSITIVE: below
+    // the normal numbers
     let lost = |x: &[f64]| {
         let size: f64 = x.iter().zip(sums).map(|(x, s)| x.abs() * s).sum();
         (n as f64 + 2.0) * f64::EPSILON * size + f64::MIN_POSITIVE
@@ -354,7 +399,8 @@ pub(crate) fn strip_range(columns: &[f64], sums: &[f64], d: &[f64], a: &[f64], s
             .collect();
         kinks.push((0.0, strip.hi - strip.lo));
         kinks.sort_unstable_by(|x, y| x.0.total_cmp(&y.0));
-        let mut slope = strip.lo - kinks.iter().map(|k| k.1).sum::<f64>() / 2.0 + (strip.hi - strip.lo) / 2.0;
+        let mut slope =
+            strip.lo - kinks.iter().map(|k| k.1).sum::<f64>() / 2.0 + (strip.hi - strip.lo) / 2.0;
         let mut nu = 0.0;
         for (at, change) in kinks {
             slope += change;
@@ -383,6 +429,7 @@ fn least_norm(columns: &[f64], d: &[f64]) -> Option<Vec<f64>> {
     let svd = M.thin_svd().ok()?;
     let sigma = svd.S().column_vector();
     let rank = (0..sigma.nrows()).take_while(|&k| sigma[k] > 1e-12 * sigma[0]).count();
-    let weight: Vec<f64> = (0..rank).map(|k| (0..n).map(|i| svd.U()[(i, k)] * d[i]).sum::<f64>() / sigma[k]).collect();
+    let weight: Vec<f64> =
+        (0..rank).map(|k| (0..n).map(|i| svd.U()[(i, k)] * d[i]).sum::<f64>() / sigma[k]).collect();
     Some((0..m).map(|j| (0..rank).map(|k| svd.V()[(j, k)] * weight[k]).sum()).collect())
 }

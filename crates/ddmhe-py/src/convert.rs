@@ -3,19 +3,45 @@
 use ddmhe_core::{Bounds, Error};
 use numpy::ndarray::Dimension;
 use numpy::{
-    IntoPyArray, PyArray, PyArray1, PyArray2, PyArrayDyn, PyArrayMethods, PyReadwriteArray, PyUntypedArrayMethods,
+    IntoPyArray, PyArray, PyArray1, PyArray2, PyArrayDyn, PyArrayMethods, PyReadwriteArray,
+    PyUntypedArrayMethods,
 };
 use pyo3::create_exception;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList, PyListMethods, PyString, PyTuple};
 
-create_exception!(ddmhe, DdmheError, PyValueError, "Base of all errors of this package: an input was wrong.");
+create_exception!(
+    ddmhe,
+    DdmheError,
+    PyValueError,
+    "Base of all errors of this package: an input was wrong."
+);
 create_exception!(ddmhe, ShapeError, DdmheError, "An array has the wrong shape.");
-create_exception!(ddmhe, NotFiniteError, DdmheError, "A number that must be finite is NaN or infinite.");
-create_exception!(ddmhe, RankError, DdmheError, "The recording does not hold enough information (rank condition (7)).");
-create_exception!(ddmhe, InfeasibleError, DdmheError, "Stated requirements cannot be met together.");
-create_exception!(ddmhe, ModelViolationError, DdmheError, "Measurements contradict the stated model or bounds.");
+create_exception!(
+    ddmhe,
+    NotFiniteError,
+    DdmheError,
+    "A number that must be finite is NaN or infinite."
+);
+create_exception!(
+    ddmhe,
+    RankError,
+    DdmheError,
+    "The recording does not hold enough information (rank condition (7))."
+);
+create_exception!(
+    ddmhe,
+    InfeasibleError,
+    DdmheError,
+    "Stated requirements cannot be met together."
+);
+create_exception!(
+    ddmhe,
+    ModelViolationError,
+    DdmheError,
+    "Measurements contradict the stated model or bounds."
+);
 
 /// The exception that belongs to a core error.
 pub fn raise(error: Error) -> PyErr {
@@ -38,8 +64,8 @@ pub struct Numbers {
 }
 
 impl Numbers {
-    /// Whatever `numpy.asarray(value, dtype=float)` understands, without missing entries; anything else is an error
-    /// that names the argument.
+    /// Whatever `numpy.asarray(value, dtype=float)` understands, without missing entries; anything
+    /// else is an error that names the argument.
     pub fn from(argument: &str, value: &Bound<'_, PyAny>) -> PyResult<Self> {
         let numbers = Numbers::measured(argument, value)?;
         let Some(entry) = numbers.missing else { return Ok(numbers) };
@@ -54,27 +80,39 @@ impl Numbers {
         )))
     }
 
-    /// As [`from`](Self::from), with NaN for entries that are masked, None or pandas.NA: not measured.
+    /// As [`from`](Self::from), with NaN for entries that are masked, None or pandas.NA: not
+    /// measured.
     pub fn measured(argument: &str, value: &Bound<'_, PyAny>) -> PyResult<Self> {
         let py = value.py();
         let wrong = |found: String| not_real(argument, &found);
-        let (plain, mask) = without_mask(value).map_err(|e| wrong(one_line(&e.value(py).to_string())))?;
+        let (plain, mask) =
+            without_mask(value).map_err(|e| wrong(one_line(&e.value(py).to_string())))?;
         let kind: String = plain.getattr("dtype")?.getattr("kind")?.extract()?;
         if kind == "O" {
             return Numbers::of_objects(argument, &plain, mask.as_ref());
         }
         if !["f", "i", "u", "b"].contains(&kind.as_str()) {
             let text = value.cast::<PyString>().is_ok();
-            return Err(wrong(if text { "str".into() } else { format!("one of type {}", plain.getattr("dtype")?) }));
+            return Err(wrong(if text {
+                "str".into()
+            } else {
+                format!("one of type {}", plain.getattr("dtype")?)
+            }));
         }
         let options = PyDict::new(py);
         options.set_item("dtype", "float64")?;
         options.set_item("order", "C")?;
         let array = py.import("numpy")?.call_method("asarray", (plain,), Some(&options))?;
-        let array = array.cast::<PyArrayDyn<f64>>().map_err(|_| wrong("something else".into()))?.try_readonly()?;
-        let mut data = array.as_slice().map_err(|_| wrong("a non-contiguous array".into()))?.to_vec();
+        let array = array
+            .cast::<PyArrayDyn<f64>>()
+            .map_err(|_| wrong("something else".into()))?
+            .try_readonly()?;
+        let mut data =
+            array.as_slice().map_err(|_| wrong("a non-contiguous array".into()))?.to_vec();
         let mut missing = None;
-        for (k, (entry, _)) in data.iter_mut().zip(mask.unwrap_or_default()).enumerate().filter(|(_, (_, m))| *m) {
+        for (k, (entry, _)) in
+            data.iter_mut().zip(mask.unwrap_or_default()).enumerate().filter(|(_, (_, m))| *m)
+        {
             *entry = f64::NAN;
             missing = missing.or(Some(k));
         }
@@ -82,7 +120,11 @@ impl Numbers {
     }
 
     /// The numbers of an array of Python objects.
-    fn of_objects(argument: &str, array: &Bound<'_, PyAny>, mask: Option<&Vec<bool>>) -> PyResult<Self> {
+    fn of_objects(
+        argument: &str,
+        array: &Bound<'_, PyAny>,
+        mask: Option<&Vec<bool>>,
+    ) -> PyResult<Self> {
         let shape: Vec<usize> = array.getattr("shape")?.extract()?;
         let (mut data, mut missing) = (Vec::new(), None);
         for (k, item) in array.getattr("flat")?.try_iter()?.enumerate() {
@@ -102,7 +144,11 @@ impl Numbers {
     }
 
     /// As [`from`](Self::from), two-dimensional; `shape` is how the expectation reads.
-    pub fn matrix(argument: &str, value: &Bound<'_, PyAny>, shape: &str) -> PyResult<(Vec<f64>, usize, usize)> {
+    pub fn matrix(
+        argument: &str,
+        value: &Bound<'_, PyAny>,
+        shape: &str,
+    ) -> PyResult<(Vec<f64>, usize, usize)> {
         Numbers::from(argument, value)?.into_matrix(argument, shape)
     }
 
@@ -127,7 +173,9 @@ impl Numbers {
         match self.shape[..] {
             [l] if l == len => Ok(self.data),
             [] if len == 1 => Ok(self.data),
-            [] if self.missing.is_some() => Err(not_real(argument, "None or another that is missing")),
+            [] if self.missing.is_some() => {
+                Err(not_real(argument, "None or another that is missing"))
+            }
             _ => Err(ShapeError::new_err(format!(
                 "{argument}: expected {len} numbers, found {}",
                 described(&self.shape)
@@ -143,14 +191,17 @@ fn not_real(argument: &str, found: &str) -> PyErr {
 /// A NumPy array of what was given, and which of its entries are masked, in C order.
 ///
 /// In a list, too: `numpy.asarray` would take what lies under the masks of its items.
-fn without_mask<'py>(value: &Bound<'py, PyAny>) -> PyResult<(Bound<'py, PyAny>, Option<Vec<bool>>)> {
+fn without_mask<'py>(
+    value: &Bound<'py, PyAny>,
+) -> PyResult<(Bound<'py, PyAny>, Option<Vec<bool>>)> {
     let py = value.py();
     let (numpy, ma) = (py.import("numpy")?, py.import("numpy.ma")?);
     let masked = ma.getattr("MaskedArray")?;
     let mut value = value.clone();
     let list = value.cast::<PyList>().map(PyListMethods::to_tuple);
     if let Ok(items) = list.or_else(|_| value.cast::<PyTuple>().cloned()) {
-        let any = items.iter().map(|item| item.is_instance(&masked)).collect::<PyResult<Vec<_>>>()?;
+        let any =
+            items.iter().map(|item| item.is_instance(&masked)).collect::<PyResult<Vec<_>>>()?;
         if any.contains(&true) {
             value = ma.call_method1("stack", (items,))?;
         }
@@ -158,11 +209,15 @@ fn without_mask<'py>(value: &Bound<'py, PyAny>) -> PyResult<(Bound<'py, PyAny>, 
     if !value.is_instance(&masked)? {
         return Ok((numpy.call_method1("asarray", (value,))?, None));
     }
-    let mask = ma.call_method1("getmaskarray", (&value,))?.call_method0("ravel")?.call_method0("tolist")?;
+    let mask = ma
+        .call_method1("getmaskarray", (&value,))?
+        .call_method0("ravel")?
+        .call_method0("tolist")?;
     Ok((ma.call_method1("getdata", (value,))?, Some(mask.extract()?)))
 }
 
-/// None, numpy.ma.masked and pandas.NA, which is told by the name of its type: pandas need not be there.
+/// None, numpy.ma.masked and pandas.NA, which is told by the name of its type: pandas need not be
+/// there.
 fn is_missing(item: &Bound<'_, PyAny>) -> PyResult<bool> {
     let name = item.get_type().name()?;
     Ok(item.is_none() || ["NAType", "MaskedConstant"].iter().any(|other| name == *other))
@@ -170,7 +225,8 @@ fn is_missing(item: &Bound<'_, PyAny>) -> PyResult<bool> {
 
 /// What was given, short and in one line.
 pub fn shown(value: &Bound<'_, PyAny>) -> String {
-    let text = value.repr().map_or_else(|_| "one that cannot be printed".into(), |text| text.to_string());
+    let text =
+        value.repr().map_or_else(|_| "one that cannot be printed".into(), |text| text.to_string());
     let text = one_line(&text);
     if text.chars().count() <= LONGEST {
         return text;
@@ -189,13 +245,22 @@ fn described(shape: &[usize]) -> String {
     match shape {
         [] => "a single number".into(),
         [n] => format!("a 1-D array of {n}"),
-        _ => format!("an array of shape ({})", shape.iter().map(ToString::to_string).collect::<Vec<_>>().join(", ")),
+        _ => format!(
+            "an array of shape ({})",
+            shape.iter().map(ToString::to_string).collect::<Vec<_>>().join(", ")
+        ),
     }
 }
 
 /// The two items of a sequence, which has an order.
-pub fn pair<'py>(argument: &str, expected: &str, value: &Bound<'py, PyAny>) -> PyResult<[Bound<'py, PyAny>; 2]> {
-    let wrong = |found: String| ShapeError::new_err(format!("{argument}: expected {expected}, found {found}"));
+pub fn pair<'py>(
+    argument: &str,
+    expected: &str,
+    value: &Bound<'py, PyAny>,
+) -> PyResult<[Bound<'py, PyAny>; 2]> {
+    let wrong = |found: String| {
+        ShapeError::new_err(format!("{argument}: expected {expected}, found {found}"))
+    };
     if value.cast::<PyString>().is_ok() || value.len().is_err() || value.get_item(0).is_err() {
         return Err(wrong(shown(value)));
     }
@@ -206,18 +271,29 @@ pub fn pair<'py>(argument: &str, expected: &str, value: &Bound<'py, PyAny>) -> P
     Ok([value.get_item(0)?, value.get_item(1)?])
 }
 
-/// (lo, hi) with each side a scalar or `width` numbers, or for `depth` given a (depth+1, width) array.
-pub fn bounds(argument: &str, value: &Bound<'_, PyAny>, width: usize, depth: Option<usize>) -> PyResult<Bounds> {
+/// (lo, hi) with each side a scalar or `width` numbers, or for `depth` given a (depth+1, width)
+/// array.
+pub fn bounds(
+    argument: &str,
+    value: &Bound<'_, PyAny>,
+    width: usize,
+    depth: Option<usize>,
+) -> PyResult<Bounds> {
     let [lo, hi] = &pair(argument, "a pair (lo, hi)", value)?;
     let side = |value: &Bound<'_, PyAny>| -> PyResult<Vec<f64>> {
         let numbers = Numbers::from(argument, value)?;
         let whole = depth.map(|m| (m + 1) * width);
         match numbers.shape[..] {
             [] => Ok(vec![numbers.data[0]; whole.unwrap_or(width)]),
-            [l] if l == width => Ok(numbers.data.iter().copied().cycle().take(whole.unwrap_or(width)).collect()),
-            [rows, columns] if columns == width && Some(rows * columns) == whole => Ok(numbers.data),
+            [l] if l == width => {
+                Ok(numbers.data.iter().copied().cycle().take(whole.unwrap_or(width)).collect())
+            }
+            [rows, columns] if columns == width && Some(rows * columns) == whole => {
+                Ok(numbers.data)
+            }
             _ => {
-                let window = depth.map_or(String::new(), |m| format!(" or a ({}, {width}) array", m + 1));
+                let window =
+                    depth.map_or(String::new(), |m| format!(" or a ({}, {width}) array", m + 1));
                 Err(ShapeError::new_err(format!(
                     "{argument}: expected a scalar, {width} numbers{window} on each side, found {}",
                     described(&numbers.shape)
@@ -234,7 +310,11 @@ pub fn array1<'py>(py: Python<'py>, data: &[f64]) -> Bound<'py, PyArray1<f64>> {
 }
 
 /// A 2-D NumPy array with `width` columns.
-pub fn array2<'py>(py: Python<'py>, data: Vec<f64>, width: usize) -> PyResult<Bound<'py, PyArray2<f64>>> {
+pub fn array2<'py>(
+    py: Python<'py>,
+    data: Vec<f64>,
+    width: usize,
+) -> PyResult<Bound<'py, PyArray2<f64>>> {
     let rows = data.len() / width;
     data.into_pyarray(py).reshape([rows, width])
 }
@@ -250,7 +330,11 @@ pub fn writable<'py, D: Dimension>(
             "{argument}: expected a writable float64 array of shape {shape:?} in C order, found {found}"
         ))
     };
-    let kind = || value.getattr("dtype").map_or_else(|_| value.get_type().to_string(), |d| format!("one of type {d}"));
+    let kind = || {
+        value
+            .getattr("dtype")
+            .map_or_else(|_| value.get_type().to_string(), |d| format!("one of type {d}"))
+    };
     let array = value.cast::<PyArray<f64, D>>().map_err(|_| wrong(kind()))?;
     if array.shape() != shape {
         return Err(wrong(format!("one of shape {:?}", array.shape())));
@@ -269,7 +353,10 @@ pub fn whole(argument: &str, value: &Bound<'_, PyAny>) -> PyResult<usize> {
 /// A whole number of at least `least`; True and False are none.
 pub fn whole_from(least: usize, argument: &str, value: &Bound<'_, PyAny>) -> PyResult<usize> {
     let wrong = || {
-        DdmheError::new_err(format!("{argument}: expected a whole number of at least {least}, found {}", shown(value)))
+        DdmheError::new_err(format!(
+            "{argument}: expected a whole number of at least {least}, found {}",
+            shown(value)
+        ))
     };
     if is_bool(value)? {
         return Err(wrong());
@@ -280,7 +367,9 @@ pub fn whole_from(least: usize, argument: &str, value: &Bound<'_, PyAny>) -> PyR
 
 /// A real number, which may be infinite or NaN; True, False and texts are none.
 pub fn number(argument: &str, value: &Bound<'_, PyAny>) -> PyResult<f64> {
-    let wrong = || DdmheError::new_err(format!("{argument}: expected a real number, found {}", shown(value)));
+    let wrong = || {
+        DdmheError::new_err(format!("{argument}: expected a real number, found {}", shown(value)))
+    };
     if is_bool(value)? || is_missing(value)? {
         return Err(wrong());
     }
@@ -289,13 +378,16 @@ pub fn number(argument: &str, value: &Bound<'_, PyAny>) -> PyResult<f64> {
 
 /// True or False.
 pub fn flag(argument: &str, value: &Bound<'_, PyAny>) -> PyResult<bool> {
-    let wrong = || DdmheError::new_err(format!("{argument}: expected True or False, found {}", shown(value)));
+    let wrong = || {
+        DdmheError::new_err(format!("{argument}: expected True or False, found {}", shown(value)))
+    };
     value.extract().map_err(|_| wrong())
 }
 
 /// A text.
 pub fn text(argument: &str, value: &Bound<'_, PyAny>) -> PyResult<String> {
-    let wrong = || DdmheError::new_err(format!("{argument}: expected a text, found {}", shown(value)));
+    let wrong =
+        || DdmheError::new_err(format!("{argument}: expected a text, found {}", shown(value)));
     value.extract().map_err(|_| wrong())
 }
 
@@ -305,7 +397,8 @@ fn is_bool(value: &Bound<'_, PyAny>) -> PyResult<bool> {
     Ok(name == "bool" || name == "bool_")
 }
 
-/// Real numbers of any shape as a float64 array, for the Python side: NaN where missing if `missing` allows it.
+/// Real numbers of any shape as a float64 array, for the Python side: NaN where missing if
+/// `missing` allows it.
 ///
 /// Raises ShapeError or NotFiniteError naming the argument.
 #[pyfunction]
@@ -316,6 +409,7 @@ pub fn numbers<'py>(
     value: &Bound<'py, PyAny>,
     missing: bool,
 ) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
-    let found = if missing { Numbers::measured(argument, value) } else { Numbers::from(argument, value) }?;
+    let found =
+        if missing { Numbers::measured(argument, value) } else { Numbers::from(argument, value) }?;
     found.data.into_pyarray(py).reshape(found.shape)
 }

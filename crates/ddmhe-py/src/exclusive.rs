@@ -12,7 +12,8 @@ impl<T> Exclusive<T> {
         Exclusive(Mutex::new(value))
     }
 
-    /// The value, or an error that says what to do where another call is using it: waiting for that call could be for ever.
+    /// The value, or an error that says what to do where another call is using it: waiting for that
+    /// call could be for ever.
     pub fn get(&self, noun: &str) -> PyResult<MutexGuard<'_, T>> {
         match self.0.try_lock() {
             Ok(value) => Ok(value),

@@ -18,8 +18,9 @@ use pyo3::types::{PyBytes, PyType};
 /// dt : float
 ///     Sampling interval in seconds. Kept for reports: the method itself needs no unit of time.
 /// x_units, y_units : str or list of str, optional
-///     Units of the states and of the outputs: one for all, or one a channel. Channels of one unit share a scale in the default rule;
-///     a channel whose unit is unknown (None or "") has its own, and rescaling it changes nothing.
+///     Units of the states and of the outputs: one for all, or one a channel. Channels of one unit
+///     share a scale in the default rule; a channel whose unit is unknown (None or "") has its own,
+///     and rescaling it changes nothing.
 ///
 /// Raises
 /// ------
@@ -59,12 +60,19 @@ impl History {
     #[staticmethod]
     fn concat(histories: &Bound<'_, PyAny>) -> PyResult<Self> {
         let mut cores = Vec::new();
-        let wrong =
-            |_| ShapeError::new_err(format!("histories: expected a list of History, found {}", histories.get_type()));
+        let wrong = |_| {
+            ShapeError::new_err(format!(
+                "histories: expected a list of History, found {}",
+                histories.get_type()
+            ))
+        };
         for item in histories.try_iter().map_err(wrong)? {
             let item = item?;
             let history = item.cast::<History>().map_err(|_| {
-                ShapeError::new_err(format!("histories: expected a list of History, found {}", item.get_type()))
+                ShapeError::new_err(format!(
+                    "histories: expected a list of History, found {}",
+                    item.get_type()
+                ))
             })?;
             cores.push(history.get().core.clone());
         }
@@ -76,7 +84,8 @@ impl History {
         PyBytes::new(py, &self.core.to_bytes())
     }
 
-    /// The History that to_bytes saved; DdmheError for bytes that it did not make, or that were changed or cut off since.
+    /// The History that to_bytes saved; DdmheError for bytes that it did not make, or that were
+    /// changed or cut off since.
     #[classmethod]
     fn from_bytes(_cls: &Bound<'_, PyType>, blob: &Bound<'_, PyAny>) -> PyResult<Self> {
         Ok(History { core: ddmhe_core::History::from_bytes(bytes(blob)?).map_err(raise)? })
@@ -136,7 +145,12 @@ impl History {
     fn recordings<'py>(&self, py: Python<'py>) -> PyResult<Vec<Signals<'py>>> {
         let core = &self.core;
         let array = |signal: &[f64], width| array2(py, signal.to_vec(), width);
-        let pair = |i| Ok((array(core.x(i).map_err(raise)?, core.n())?, array(core.y(i).map_err(raise)?, core.p())?));
+        let pair = |i| {
+            Ok((
+                array(core.x(i).map_err(raise)?, core.n())?,
+                array(core.y(i).map_err(raise)?, core.p())?,
+            ))
+        };
         (0..core.recordings()).map(pair).collect()
     }
 
@@ -147,7 +161,8 @@ impl History {
     }
 
     fn __repr__(&self) -> String {
-        let (n, p, T, dt, k) = (self.core.n(), self.core.p(), self.core.T(), self.core.dt(), self.core.recordings());
+        let (n, p, T, dt, k) =
+            (self.core.n(), self.core.p(), self.core.T(), self.core.dt(), self.core.recordings());
         let joined = if k > 1 { format!(", {k} recordings") } else { String::new() };
         format!("History(n={n}, p={p}, T={T}, dt={dt}{joined})")
     }
@@ -160,7 +175,11 @@ fn units(argument: &str, value: Option<&Bound<'_, PyAny>>) -> PyResult<Vec<Strin
         return Ok(vec![one]);
     }
     value.extract::<Vec<Option<String>>>().map_or_else(
-        |_| Err(DdmheError::new_err(format!("{argument}: expected a string or a list of strings, found {value}"))),
+        |_| {
+            Err(DdmheError::new_err(format!(
+                "{argument}: expected a string or a list of strings, found {value}"
+            )))
+        },
         |names| Ok(names.into_iter().map(Option::unwrap_or_default).collect()),
     )
 }
@@ -229,8 +248,8 @@ impl RankReport {
     }
 }
 
-/// The full turn (2 pi or 360) that an angle (N,) is wrapped by and the first row after a jump, or None; NaN where it
-/// was not measured.
+/// The full turn (2 pi or 360) that an angle (N,) is wrapped by and the first row after a jump, or
+/// None; NaN where it was not measured.
 #[pyfunction]
 pub fn wrapped_angle(values: &Bound<'_, PyAny>) -> PyResult<Option<(f64, usize)>> {
     let numbers = Numbers::measured("values", values)?;

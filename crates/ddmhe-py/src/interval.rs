@@ -1,10 +1,14 @@
 //! `ddmhe.Zonotope` and the engine of `ddmhe.interval.IntervalObserver`.
 
-use crate::convert::{DdmheError, ModelViolationError, Numbers, ShapeError, array1, array2, raise, text, whole};
+use crate::convert::{
+    DdmheError, ModelViolationError, Numbers, ShapeError, array1, array2, raise, text, whole,
+};
 use crate::exclusive::Exclusive;
 use crate::pickle::{Made, bytes, made};
 use crate::signals::{Signals, with_finished};
-use ddmhe_core::observer::{Dynamics, Euler, Gain, Linear, Method, Options, Pendulum, System, Uncertain};
+use ddmhe_core::observer::{
+    Dynamics, Euler, Gain, Linear, Method, Options, Pendulum, System, Uncertain,
+};
 use ddmhe_core::snapshot::{Kind, from_bytes, to_bytes};
 use ddmhe_core::{Error, Interrupt, Interval, IntervalEstimate, Reduction};
 use numpy::{PyArray1, PyArray2};
@@ -22,7 +26,11 @@ fn ends<'py>(py: Python<'py>, x: &[Interval]) -> Ends<'py> {
 }
 
 /// Generators stored by columns as an (n, m) array.
-fn columns<'py>(py: Python<'py>, generators: &[f64], n: usize) -> PyResult<Bound<'py, PyArray2<f64>>> {
+fn columns<'py>(
+    py: Python<'py>,
+    generators: &[f64],
+    n: usize,
+) -> PyResult<Bound<'py, PyArray2<f64>>> {
     let m = generators.len() / n;
     let rows: Vec<f64> = (0..n).flat_map(|i| (0..m).map(move |j| generators[j * n + i])).collect();
     if m == 0 {
@@ -73,9 +81,14 @@ impl Zonotope {
         };
         let (data, rows, m) = Numbers::matrix("generators", generators, &format!("({n}, m)"))?;
         if rows != n {
-            return Err(ShapeError::new_err(format!("generators: expected {n} rows, as center has, found {rows}")));
+            return Err(ShapeError::new_err(format!(
+                "generators: expected {n} rows, as center has, found {rows}"
+            )));
         }
-        let columns = (0..m).flat_map(|j| (0..n).map(move |i| (i, j))).map(|(i, j)| data[i * m + j]).collect();
+        let columns = (0..m)
+            .flat_map(|j| (0..n).map(move |i| (i, j)))
+            .map(|(i, j)| data[i * m + j])
+            .collect();
         ddmhe_core::Zonotope::new(numbers.data, columns).map(Zonotope).map_err(raise)
     }
 
@@ -120,7 +133,9 @@ impl Zonotope {
         let (hi, rows_hi, width_hi) = Numbers::matrix("A_hi", A_hi, &shape)?;
         if width != self.0.n() || (rows, width) != (rows_hi, width_hi) {
             let found = format!("({rows}, {width}) and ({rows_hi}, {width_hi})");
-            return Err(ShapeError::new_err(format!("A_lo, A_hi: expected both {shape}, found {found}")));
+            return Err(ShapeError::new_err(format!(
+                "A_lo, A_hi: expected both {shape}, found {found}"
+            )));
         }
         self.0.interval_map(&intervals("A_lo", &lo, &hi)?).map(Zonotope).map_err(raise)
     }
@@ -132,7 +147,9 @@ impl Zonotope {
 
     /// Minkowski sum with another zonotope, (5).
     fn minkowski_sum(&self, other: &Bound<'_, PyAny>) -> PyResult<Self> {
-        let wrong = |_| DdmheError::new_err(format!("other: expected a Zonotope, found {}", other.get_type()));
+        let wrong = |_| {
+            DdmheError::new_err(format!("other: expected a Zonotope, found {}", other.get_type()))
+        };
         let other = other.cast::<Self>().map_err(wrong)?.get();
         self.0.minkowski_sum(&other.0).map(Zonotope).map_err(raise)
     }
@@ -179,7 +196,10 @@ impl Zonotope {
 
 fn intervals(argument: &'static str, lo: &[f64], hi: &[f64]) -> PyResult<Vec<Interval>> {
     let wrong = |k: usize| {
-        let text = format!("{argument}: expected lower ends not above the upper, found {} and {}", lo[k], hi[k]);
+        let text = format!(
+            "{argument}: expected lower ends not above the upper, found {} and {}",
+            lo[k], hi[k]
+        );
         DdmheError::new_err(text)
     };
     (0..lo.len()).map(|k| Interval::new(lo[k], hi[k]).ok_or_else(|| wrong(k))).collect()
@@ -197,7 +217,8 @@ struct Callables {
 type Raised = Arc<Mutex<Option<PyErr>>>;
 
 impl Callables {
-    /// The core's error for what a callable raised; an interrupt is kept, to be raised again as it came.
+    /// The core's error for what a callable raised; an interrupt is kept, to be raised again as it
+    /// came.
     fn outcome(&self, py: Python<'_>, argument: &'static str, error: PyErr) -> Error {
         let found = error.to_string();
         if !error.is_instance_of::<PyException>(py) {
@@ -210,7 +231,10 @@ impl Callables {
 impl Dynamics for Callables {
     fn value(&self, x: &[f64], out: &mut [Interval]) -> Result<(), Error> {
         Python::attach(|py| {
-            let found = self.f.call1(py, (array1(py, x),)).and_then(|v| Numbers::vector("f", v.bind(py), out.len()));
+            let found = self
+                .f
+                .call1(py, (array1(py, x),))
+                .and_then(|v| Numbers::vector("f", v.bind(py), out.len()));
             let found = found.map_err(|e| self.outcome(py, "f", e))?;
             for (out, v) in out.iter_mut().zip(&found) {
                 if !v.is_finite() {
@@ -234,11 +258,14 @@ impl Dynamics for Callables {
                 let pair = self.jacobian.call1(py, (lo, hi))?;
                 let (lo, hi): (Bound<'_, PyAny>, Bound<'_, PyAny>) = pair.extract(py)?;
                 let side = |value| -> PyResult<Vec<f64>> {
-                    let (data, rows, width) = Numbers::matrix("jacobian", value, &format!("({n}, {n})"))?;
+                    let (data, rows, width) =
+                        Numbers::matrix("jacobian", value, &format!("({n}, {n})"))?;
                     if (rows, width) == (n, n) {
                         return Ok(data);
                     }
-                    Err(ShapeError::new_err(format!("jacobian: expected ({n}, {n}), found ({rows}, {width})")))
+                    Err(ShapeError::new_err(format!(
+                        "jacobian: expected ({n}, {n}), found ({rows}, {width})"
+                    )))
                 };
                 intervals("jacobian", &side(&lo)?, &side(&hi)?)
             };
@@ -251,13 +278,21 @@ impl Dynamics for Callables {
     }
 }
 
-/// What the system's `dynamics` says it is: ("linear",), ("pendulum", gain), ("euler", ratios, linear, output_radius),
-/// ("uncertain", rows, offset) or ("python", f, jacobian, slack).
-fn dynamics(value: &Bound<'_, PyAny>, n: usize, raised: &Raised) -> PyResult<Box<dyn Dynamics + Send + Sync>> {
+/// What the system's `dynamics` says it is: ("linear",), ("pendulum", gain), ("euler", ratios,
+/// linear, output_radius), ("uncertain", rows, offset) or ("python", f, jacobian, slack).
+fn dynamics(
+    value: &Bound<'_, PyAny>,
+    n: usize,
+    raised: &Raised,
+) -> PyResult<Box<dyn Dynamics + Send + Sync>> {
     let kind: String = value.get_item(0)?.extract()?;
     let pair = |k: usize, len: usize| -> PyResult<Vec<Interval>> {
         let (lo, hi): (Bound<'_, PyAny>, Bound<'_, PyAny>) = value.get_item(k)?.extract()?;
-        intervals("dynamics", &Numbers::vector("dynamics", &lo, len)?, &Numbers::vector("dynamics", &hi, len)?)
+        intervals(
+            "dynamics",
+            &Numbers::vector("dynamics", &lo, len)?,
+            &Numbers::vector("dynamics", &hi, len)?,
+        )
     };
     Ok(match kind.as_str() {
         "linear" => Box::new(Linear),
@@ -268,9 +303,11 @@ fn dynamics(value: &Bound<'_, PyAny>, n: usize, raised: &Raised) -> PyResult<Box
             linear.copy_from_slice(&pair(2, 9)?);
             Box::new(Euler { ratios, linear, output_radius: value.get_item(3)?.extract()? })
         }
-        "uncertain" => {
-            Box::new(Uncertain { n, rows: value.get_item(1)?.extract()?, offset: value.get_item(2)?.extract()? })
-        }
+        "uncertain" => Box::new(Uncertain {
+            n,
+            rows: value.get_item(1)?.extract()?,
+            offset: value.get_item(2)?.extract()?,
+        }),
         _ => Box::new(Callables {
             f: value.get_item(1)?.unbind(),
             jacobian: value.get_item(2)?.unbind(),
@@ -287,7 +324,11 @@ pub struct Bounds(IntervalEstimate);
 #[pymethods]
 impl Bounds {
     fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Made<'py>> {
-        made::<Self>(py, "_restore", &to_bytes(Kind::IntervalEstimate, &(self.0.predicted.len(), &self.0)))
+        made::<Self>(
+            py,
+            "_restore",
+            &to_bytes(Kind::IntervalEstimate, &(self.0.predicted.len(), &self.0)),
+        )
     }
 
     #[classmethod]
@@ -295,7 +336,9 @@ impl Bounds {
         let (n, estimate): (usize, IntervalEstimate) =
             from_bytes(Kind::IntervalEstimate, bytes(blob)?).map_err(raise)?;
         if !estimate.fits(n) {
-            return Err(DdmheError::new_err("blob: expected a saved interval estimate, found one of other sizes"));
+            return Err(DdmheError::new_err(
+                "blob: expected a saved interval estimate, found one of other sizes",
+            ));
         }
         Ok(Bounds(estimate))
     }
@@ -350,7 +393,8 @@ impl Bounds {
     }
 
     fn __repr__(&self) -> String {
-        let text: Vec<String> = self.0.predicted.iter().map(|x| format!("[{:.6e}, {:.6e}]", x.lo, x.hi)).collect();
+        let text: Vec<String> =
+            self.0.predicted.iter().map(|x| format!("[{:.6e}, {:.6e}]", x.lo, x.hi)).collect();
         format!("IntervalEstimate({})", text.join(", "))
     }
 }
@@ -388,9 +432,13 @@ impl IntervalLog {
         let log: IntervalLog = from_bytes(Kind::IntervalLog, bytes(blob)?).map_err(raise)?;
         let pairs = [&log.filtered, &log.ball, &log.ellipsoid];
         let sides = pairs.into_iter().flatten().chain([&log.upper, &log.center]);
-        if log.n == 0 || !log.lower.len().is_multiple_of(log.n) || sides.into_iter().any(|s| s.len() != log.lower.len())
+        if log.n == 0
+            || !log.lower.len().is_multiple_of(log.n)
+            || sides.into_iter().any(|s| s.len() != log.lower.len())
         {
-            return Err(DdmheError::new_err("blob: expected a saved interval log, found one of other sizes"));
+            return Err(DdmheError::new_err(
+                "blob: expected a saved interval log, found one of other sizes",
+            ));
         }
         Ok(log)
     }
@@ -400,16 +448,18 @@ impl IntervalLog {
         self.lower.len() / self.n
     }
 
-    /// Why the run ended before its last sample: the ModelViolationError that a step with sample N raises, or None.
+    /// Why the run ended before its last sample: the ModelViolationError that a step with sample N
+    /// raises, or None.
     #[getter]
     fn violation<'py>(&self, py: Python<'py>) -> Option<Bound<'py, PyAny>> {
-        self.violation
-            .as_ref()
-            .map(|text| ModelViolationError::new_err(text.clone()).into_value(py).into_bound(py).into_any())
+        self.violation.as_ref().map(|text| {
+            ModelViolationError::new_err(text.clone()).into_value(py).into_bound(py).into_any()
+        })
     }
 
     fn __repr__(&self) -> String {
-        let end = self.violation.as_ref().map_or(String::new(), |text| format!(", violation={text:?}"));
+        let end =
+            self.violation.as_ref().map_or(String::new(), |text| format!(", violation={text:?}"));
         format!("IntervalLog(N={}, n={}{end})", self.__len__(), self.n)
     }
 
@@ -529,10 +579,13 @@ impl ObserverCore {
                 return Err(DdmheError::new_err(text));
             }
         };
-        let options = Options { order: whole("order", order)?, method, reduction: reduction(&reduce)? };
+        let options =
+            Options { order: whole("order", order)?, method, reduction: reduction(&reduce)? };
         let raised = Raised::default();
         let dynamics = dynamics(kind, x0_center.len(), &raised)?;
-        let core = ddmhe_core::IntervalObserver::new(dynamics, system, gain, &x0_center, &x0_radius, options);
+        let core = ddmhe_core::IntervalObserver::new(
+            dynamics, system, gain, &x0_center, &x0_radius, options,
+        );
         Ok(ObserverCore { core: Exclusive::new(core.map_err(raise)?), raised })
     }
 
@@ -553,7 +606,12 @@ impl ObserverCore {
         core.step(&y, &u).map(|e| Bounds(e.clone())).map_err(|e| self.raise(e))
     }
 
-    fn run(&self, py: Python<'_>, y: &Bound<'_, PyAny>, u: Option<&Bound<'_, PyAny>>) -> PyResult<IntervalLog> {
+    fn run(
+        &self,
+        py: Python<'_>,
+        y: &Bound<'_, PyAny>,
+        u: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<IntervalLog> {
         let mut core = self.core()?;
         let core = &mut *core;
         let (n, p, inputs) = (core.n(), core.p(), core.inputs());
@@ -563,14 +621,24 @@ impl ObserverCore {
         }
         let U = u.map(|u| Numbers::matrix("U", u, &format!("({rows}, {inputs})"))).transpose()?;
         if U.as_ref().is_some_and(|(_, r, w)| (*r, *w) != (rows, inputs)) {
-            return Err(ShapeError::new_err(format!("U: expected ({rows}, {inputs}), found another shape")));
+            return Err(ShapeError::new_err(format!(
+                "U: expected ({rows}, {inputs}), found another shape"
+            )));
         }
         let U = U.map(|(data, ..)| data).unwrap_or_default();
         let side = || Vec::with_capacity(rows * n);
         let pair = || [side(), side()];
         let (lower, upper, center) = (side(), side(), side());
-        let mut log =
-            IntervalLog { n, lower, upper, center, filtered: pair(), ball: pair(), ellipsoid: pair(), violation: None };
+        let mut log = IntervalLog {
+            n,
+            lower,
+            upper,
+            center,
+            filtered: pair(),
+            ball: pair(),
+            ellipsoid: pair(),
+            violation: None,
+        };
         let mut signals = Signals::default();
         let found = py.detach(|| {
             let mut stop = || signals.raised();
@@ -590,9 +658,11 @@ impl ObserverCore {
                 log.lower.extend(e.predicted.iter().map(|x| x.lo));
                 log.upper.extend(e.predicted.iter().map(|x| x.hi));
                 log.center.extend(&e.center);
-                for (sides, x) in
-                    [(&mut log.filtered, &e.filtered), (&mut log.ball, &e.ball), (&mut log.ellipsoid, &e.ellipsoid)]
-                {
+                for (sides, x) in [
+                    (&mut log.filtered, &e.filtered),
+                    (&mut log.ball, &e.ball),
+                    (&mut log.ellipsoid, &e.ellipsoid),
+                ] {
                     sides[0].extend(x.iter().map(|x| x.lo));
                     sides[1].extend(x.iter().map(|x| x.hi));
                 }
@@ -618,8 +688,8 @@ impl ObserverCore {
     }
 }
 
-/// Outward-rounded interval arithmetic on arrays of ends, for tests: op on (lo, hi), and (lo2, hi2) where it takes two.
-/// An empty result is (nan, nan).
+/// Outward-rounded interval arithmetic on arrays of ends, for tests: op on (lo, hi), and (lo2, hi2)
+/// where it takes two. An empty result is (nan, nan).
 #[pyfunction]
 pub fn interval_operation(op: &str, x: (f64, f64), y: (f64, f64)) -> PyResult<(f64, f64)> {
     let (a, b) = (&intervals("x", &[x.0], &[x.1])?[0], &intervals("y", &[y.0], &[y.1])?[0]);
@@ -633,7 +703,11 @@ pub fn interval_operation(op: &str, x: (f64, f64), y: (f64, f64)) -> PyResult<(f
         "sin" => Some(a.sin()),
         "cos" => Some(a.cos()),
         "exp" => Some(a.exp()),
-        _ => return Err(DdmheError::new_err(format!("op: expected the name of an operation, found {op:?}"))),
+        _ => {
+            return Err(DdmheError::new_err(format!(
+                "op: expected the name of an operation, found {op:?}"
+            )));
+        }
     };
     Ok(found.map_or((f64::NAN, f64::NAN), |x| (x.lo, x.hi)))
 }

@@ -20,7 +20,8 @@ mod _core {
     use crate::certificate::minimum_horizon;
     #[pymodule_export]
     use crate::convert::{
-        DdmheError, InfeasibleError, ModelViolationError, NotFiniteError, RankError, ShapeError, numbers,
+        DdmheError, InfeasibleError, ModelViolationError, NotFiniteError, RankError, ShapeError,
+        numbers,
     };
     #[pymodule_export]
     use crate::history::{History, RankReport, wrapped_angle};

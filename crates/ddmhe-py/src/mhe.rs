@@ -2,7 +2,8 @@
 
 use crate::certificate;
 use crate::convert::{
-    DdmheError, Numbers, ShapeError, array1, array2, bounds, flag, number, pair, raise, shown, text, whole, writable,
+    DdmheError, Numbers, ShapeError, array1, array2, bounds, flag, number, pair, raise, shown,
+    text, whole, writable,
 };
 use crate::exclusive::Exclusive;
 use crate::history::History;
@@ -31,42 +32,47 @@ use std::sync::MutexGuard;
 /// rho : float in (0, 1), optional
 ///     Discount per sample.
 /// mu : float > 0, optional
-///     Weight on the fitted noise, as in (17): unit (unit of x / unit of y)**2, or none with weights="scaled".
+///     Weight on the fitted noise, as in (17): unit (unit of x / unit of y)**2, or none with
+///     weights="scaled".
 /// x_prior : array (n,), optional
 ///     Prior state at t = 0; default the last recorded state. Given, it means start="state".
 /// x_bounds : (lo, hi), optional
 ///     Box on every state of the window; each side a scalar or (n,); infinite = no bound.
 /// x_center : None or "history"
-///     None: x_bounds are absolute. "history": relative to x_c(t), the window that the recording alone
-///     associates with the measured outputs (IV-A1, affine form).
+///     None: x_bounds are absolute. "history": relative to x_c(t), the window that the recording
+///     alone associates with the measured outputs (IV-A1, affine form).
 /// v_bounds : (lo, hi), optional
 ///     Box on the fitted noise; each side a scalar or (p,).
 /// equilibrium : (x_e, y_e), optional
 ///     A known rest of the system, added to the data as constant windows if the recording is noisy.
 /// warm_start : bool, optional
-///     The old name: True is start="recording" (beside x_prior, which then counts: "state"), False is start="state".
+///     The old name: True is start="recording" (beside x_prior, which then counts: "state"), False
+///     is start="state".
 /// space : "auto" | Exact() | Truncated(rank, tol) | Ridge(weight)
 ///     Which windows count as trajectories of the system.
 /// certificate : ddmhe.design.Certificate, optional
-///     Weights 2 eta**M P and eta**(j-1) R in the place of rho and mu; the horizon must satisfy 4 eta**M < 1 and is long
-///     enough by default.
+///     Weights 2 eta**M P and eta**(j-1) R in the place of rho and mu; the horizon must satisfy 4
+///     eta**M < 1 and is long enough by default.
 /// disturbance : (initial, w, v), optional
-///     With a certificate: bounds on the Euclidean norms of the initial error, of every w(t) and of every v(t). Each
-///     estimate then carries a bound on its error.
+///     With a certificate: bounds on the Euclidean norms of the initial error, of every w(t) and of
+///     every v(t). Each estimate then carries a bound on its error.
 /// weights : "auto" | "paper" | "scaled"
-///     What rho and mu are meant in. "paper": (17) in the units of x and y, as printed. "scaled": every channel in units of its own
-///     scale (channels of one unit share theirs), so that mu has no unit. "auto": "paper" beside an explicit rho or mu or a
-///     certificate, else "scaled".
+///     What rho and mu are meant in. "paper": (17) in the units of x and y, as printed. "scaled":
+///     every channel in units of its own scale (channels of one unit share theirs), so that mu has
+///     no unit. "auto": "paper" beside an explicit rho or mu or a certificate, else "scaled".
 /// start : "recording" | "state" | "unknown", optional
-///     Where a run starts. "recording": where the recording ends; the log goes on from there, and the window starts filled from
-///     the recording's end. "state": from x_prior, believed as much as any prior in (17); the window grows from 1 to M.
-///     "unknown": anywhere; the window grows from a prior that is as wide as the recorded states. Neither start nor x_prior
-///     given: Algorithm 1 with the last recorded state as prior, which assumes that the run starts at (or near) that state.
+///     Where a run starts. "recording": where the recording ends; the log goes on from there, and
+///     the window starts filled from the recording's end. "state": from x_prior, believed as much
+///     as any prior in (17); the window grows from 1 to M. "unknown": anywhere; the window grows
+///     from a prior that is as wide as the recorded states. Neither start nor x_prior given:
+///     Algorithm 1 with the last recorded state as prior, which assumes that the run starts at (or
+///     near) that state.
 ///
 /// Raises
 /// ------
 /// ShapeError, NotFiniteError, RankError, DdmheError
-///     One clear error naming the argument. What the optimisation finds is never an error: see Estimate.status.
+///     One clear error naming the argument. What the optimisation finds is never an error: see
+///     Estimate.status.
 #[pyclass(module = "ddmhe", frozen, name = "DdMhe")]
 pub struct DdMhe {
     core: Exclusive<ddmhe_core::DdMhe>,
@@ -131,9 +137,10 @@ impl DdMhe {
 
     /// Consume y(t-1) and estimate x(t), at step number t.
     ///
-    /// y_t : array (p,), NaN where this entry was not measured.
-    /// x_bounds : (lo, hi) for this step alone; each side a scalar, (n,), or one row per state of the window (M_t+1, n).
-    /// out : float64 array (n,), optional. It receives the state and is returned in the place of an Estimate, so that nothing is
+    /// y_t : array (p,), NaN where this entry was not measured. x_bounds : (lo, hi) for this step
+    /// alone; each side a scalar, (n,), or one row per state of the window (M_t+1, n). out :
+    /// float64 array (n,), optional. It receives the state and is returned in the place of an
+    /// Estimate, so that nothing is
     ///     allocated; all else about the step is in `estimate`.
     #[pyo3(signature = (y_t, x_bounds=None, out=None))]
     fn step<'py>(
@@ -145,7 +152,8 @@ impl DdMhe {
     ) -> PyResult<Bound<'py, PyAny>> {
         let mut core = self.core()?;
         let (n, p) = (core.n(), core.p());
-        let limits: Option<Bounds> = x_bounds.map(|v| bounds("x_bounds", v, n, Some(core.next_depth()))).transpose()?;
+        let limits: Option<Bounds> =
+            x_bounds.map(|v| bounds("x_bounds", v, n, Some(core.next_depth()))).transpose()?;
         out.map(|out| writable::<Ix1>("out", out, &[n])).transpose()?; // checked first, let go: it may be y_t itself
         let copied;
         // a subclass may say more than its numbers do: a mask
@@ -164,12 +172,15 @@ impl DdMhe {
         };
         let estimate = core.step_within(y, limits.as_ref()).map_err(raise)?;
         drop(array);
-        let Some(out) = out else { return Ok(Bound::new(py, Estimate::new(estimate, n, p))?.into_any()) };
+        let Some(out) = out else {
+            return Ok(Bound::new(py, Estimate::new(estimate, n, p))?.into_any());
+        };
         writable::<Ix1>("out", out, &[n])?.as_slice_mut()?.copy_from_slice(&estimate.x);
         Ok(out.clone())
     }
 
-    /// A copy that continues on its own from the same window; what was computed at construction is shared.
+    /// A copy that continues on its own from the same window; what was computed at construction is
+    /// shared.
     fn __copy__(&self) -> PyResult<Self> {
         Ok(DdMhe::of(self.core()?.clone()))
     }
@@ -196,15 +207,22 @@ impl DdMhe {
         Ok((!estimate.x.is_empty()).then(|| Estimate::new(estimate, core.n(), core.p())))
     }
 
-    /// Estimate over a whole log Y (N, p), with the GIL released: the same numbers as N calls of step.
+    /// Estimate over a whole log Y (N, p), with the GIL released: the same numbers as N calls of
+    /// step.
     ///
     /// out : float64 array (N, n), optional. It receives the states and is the Log's x.
     ///
-    /// A KeyboardInterrupt (any exception of a signal's handler) ends the run within about 50 ms. The estimator then stands
-    /// behind the last step made, and the Log of the steps made is the exception's attribute `finished`.
+    /// A KeyboardInterrupt (any exception of a signal's handler) ends the run within about 50 ms.
+    /// The estimator then stands behind the last step made, and the Log of the steps made is the
+    /// exception's attribute `finished`.
     #[pyo3(signature = (Y, out=None))]
     #[allow(non_snake_case)]
-    fn run(&self, py: Python<'_>, Y: &Bound<'_, PyAny>, out: Option<&Bound<'_, PyAny>>) -> PyResult<Log> {
+    fn run(
+        &self,
+        py: Python<'_>,
+        Y: &Bound<'_, PyAny>,
+        out: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<Log> {
         let (data, rows, columns) = Numbers::measured("Y", Y)?.into_matrix("Y", "(N, p)")?;
         let mut core = self.core()?;
         let core = &mut *core;
@@ -220,7 +238,11 @@ impl DdMhe {
             (Some(out), Some(mut room)) => {
                 room.as_slice_mut()?[..made * n].copy_from_slice(&log.x);
                 let all = made == rows;
-                let x = if all { out.clone() } else { out.get_item(PySlice::new(py, 0, made as isize, 1))? };
+                let x = if all {
+                    out.clone()
+                } else {
+                    out.get_item(PySlice::new(py, 0, made as isize, 1))?
+                };
                 Some(x.cast_into::<PyArray2<f64>>()?)
             }
             _ => None,
@@ -229,7 +251,8 @@ impl DdMhe {
         signals.outcome(py, log, &format!("{made} of {rows} steps were made"))
     }
 
-    /// Back to t = 0: from x_prior (n,), or with another start, as in DdMhe; with neither, as constructed.
+    /// Back to t = 0: from x_prior (n,), or with another start, as in DdMhe; with neither, as
+    /// constructed.
     #[pyo3(signature = (x_prior=None, start=None))]
     fn reset(
         &self,
@@ -283,7 +306,8 @@ impl DdMhe {
         Ok(self.core()?.settings().rho)
     }
 
-    /// Noise weight in force: of (17) in the units of x and y where weights is "paper", without a unit where it is "scaled".
+    /// Noise weight in force: of (17) in the units of x and y where weights is "paper", without a
+    /// unit where it is "scaled".
     #[getter]
     fn mu(&self) -> PyResult<f64> {
         Ok(self.core()?.settings().mu)
@@ -334,7 +358,8 @@ impl DdMhe {
         Ok(self.core()?.spectral_radius())
     }
 
-    /// What to know about the recording and these settings, in words; grows when outputs do what they never did in the recording.
+    /// What to know about the recording and these settings, in words; grows when outputs do what
+    /// they never did in the recording.
     #[getter]
     fn warnings(&self) -> PyResult<Vec<String>> {
         Ok(self.core()?.warnings())
@@ -352,16 +377,22 @@ impl DdMhe {
 
 /// The History behind a Python argument.
 pub fn cast_history<'a>(argument: &str, value: &'a Bound<'_, PyAny>) -> PyResult<&'a History> {
-    let wrong = |_| DdmheError::new_err(format!("{argument}: expected a History, found {}", value.get_type()));
+    let wrong = |_| {
+        DdmheError::new_err(format!("{argument}: expected a History, found {}", value.get_type()))
+    };
     Ok(value.cast::<History>().map_err(wrong)?.get())
 }
 
 /// The start asked for, by its name or by the old one.
-fn started(start: Option<&Bound<'_, PyAny>>, warm_start: Option<&Bound<'_, PyAny>>, x_prior: bool) -> PyResult<Start> {
+fn started(
+    start: Option<&Bound<'_, PyAny>>,
+    warm_start: Option<&Bound<'_, PyAny>>,
+    x_prior: bool,
+) -> PyResult<Start> {
     match (start, warm_start) {
-        (Some(_), Some(_)) => {
-            Err(DdmheError::new_err("warm_start: expected none beside start, of which it is the old name, found both"))
-        }
+        (Some(_), Some(_)) => Err(DdmheError::new_err(
+            "warm_start: expected none beside start, of which it is the old name, found both",
+        )),
         (Some(given), None) => self::start(given),
         (None, Some(warm)) if flag("warm_start", warm)? && !x_prior => Ok(Start::Recording),
         _ => Ok(Start::State),
@@ -371,9 +402,12 @@ fn started(start: Option<&Bound<'_, PyAny>>, warm_start: Option<&Bound<'_, PyAny
 /// A start by its name.
 pub fn start(value: &Bound<'_, PyAny>) -> PyResult<Start> {
     let found = text("start", value)?;
-    let known = [("recording", Start::Recording), ("state", Start::State), ("unknown", Start::Unknown)];
+    let known =
+        [("recording", Start::Recording), ("state", Start::State), ("unknown", Start::Unknown)];
     known.iter().find(|(name, _)| *name == found).map(|(_, start)| *start).ok_or_else(|| {
-        DdmheError::new_err(format!("start: expected \"recording\", \"state\" or \"unknown\", found {found:?}"))
+        DdmheError::new_err(format!(
+            "start: expected \"recording\", \"state\" or \"unknown\", found {found:?}"
+        ))
     })
 }
 
@@ -381,7 +415,10 @@ fn center(value: &Bound<'_, PyAny>) -> PyResult<Center> {
     if value.extract::<String>().is_ok_and(|s| s == "history") {
         return Ok(Center::History);
     }
-    Err(DdmheError::new_err(format!("x_center: expected None or \"history\", found {}", shown(value))))
+    Err(DdmheError::new_err(format!(
+        "x_center: expected None or \"history\", found {}",
+        shown(value)
+    )))
 }
 
 /// What `weights` names.
@@ -431,7 +468,9 @@ impl Estimate {
         let (n, p, core): (usize, usize, ddmhe_core::Estimate) =
             from_bytes(Kind::Estimate, bytes(blob)?).map_err(raise)?;
         if n == 0 || p == 0 || !core.fits(n, p) {
-            return Err(DdmheError::new_err("blob: expected a saved estimate, found one of other sizes"));
+            return Err(DdmheError::new_err(
+                "blob: expected a saved estimate, found one of other sizes",
+            ));
         }
         Ok(Estimate::new(&core, n, p))
     }
@@ -462,15 +501,16 @@ impl Estimate {
         self.core.cost
     }
 
-    /// Bound on the Euclidean norm of x's error, with a certificate and the disturbance's size where it can be relied on; else None, and
-    /// DdMhe.warnings says why.
+    /// Bound on the Euclidean norm of x's error, with a certificate and the disturbance's size
+    /// where it can be relied on; else None, and DdMhe.warnings says why.
     #[getter]
     fn bound(&self) -> Option<f64> {
         self.core.bound
     }
 
-    /// "optimal", "almost_optimal", "infeasible" or "failed"; in the last two x and window are inside the box on the
-    /// states, made without the outputs at fault or, where the box is at fault, by moving the minimiser into it.
+    /// "optimal", "almost_optimal", "infeasible" or "failed"; in the last two x and window are
+    /// inside the box on the states, made without the outputs at fault or, where the box is at
+    /// fault, by moving the minimiser into it.
     #[getter]
     fn status(&self) -> &'static str {
         self.core.status.as_str()
@@ -482,7 +522,8 @@ impl Estimate {
         self.core.active
     }
 
-    /// Changes of the active set since the last step (or iterations of the interior-point solver, where that decided).
+    /// Changes of the active set since the last step (or iterations of the interior-point solver,
+    /// where that decided).
     #[getter]
     fn iterations(&self) -> u32 {
         self.core.iterations
@@ -490,7 +531,13 @@ impl Estimate {
 
     fn __repr__(&self, py: Python<'_>) -> String {
         let (x, e) = (self.x(py), &self.core);
-        format!("Estimate(x={}, status='{}', cost={:.4e}, active={})", x.bind(py), e.status.as_str(), e.cost, e.active)
+        format!(
+            "Estimate(x={}, status='{}', cost={:.4e}, active={})",
+            x.bind(py),
+            e.status.as_str(),
+            e.cost,
+            e.active
+        )
     }
 }
 
@@ -503,8 +550,8 @@ pub struct Log {
     /// Cost (17) of each step (N,).
     #[pyo3(get)]
     cost: Py<PyArray1<f64>>,
-    /// Error bound of each step (N,), with a certificate and the disturbance's size where it can be relied on; else None, and
-    /// DdMhe.warnings says why.
+    /// Error bound of each step (N,), with a certificate and the disturbance's size where it can be
+    /// relied on; else None, and DdMhe.warnings says why.
     #[pyo3(get)]
     bound: Option<Py<PyArray1<f64>>>,
     status: PyOnceLock<Py<PyAny>>,
@@ -517,13 +564,15 @@ pub struct Log {
     iterations: Py<PyArray1<i64>>,
 }
 
-/// Run many logs on all cores, with the GIL released: the same numbers as estimator.run(Y) for each.
+/// Run many logs on all cores, with the GIL released: the same numbers as estimator.run(Y) for
+/// each.
 ///
 /// Parameters
 /// ----------
 /// estimators : DdMhe, list of DdMhe or list of History
-///     One estimator: each log continues from a copy of it, and it does not move itself. A list of estimators, one a log, each
-///     only once: a run moves its window on. A list of recordings, one a log: an estimator with default settings for each.
+///     One estimator: each log continues from a copy of it, and it does not move itself. A list of
+///     estimators, one a log, each only once: a run moves its window on. A list of recordings, one
+///     a log: an estimator with default settings for each.
 /// logs : list of arrays (N_i, p_i)
 ///
 /// Returns
@@ -535,33 +584,46 @@ pub struct Log {
 /// ShapeError, NotFiniteError, RankError, DdmheError
 ///     As DdMhe and run, for the first log at fault; nothing has run if a shape is wrong.
 /// KeyboardInterrupt
-///     Within about 50 ms of Ctrl-C; its attribute `finished` is the list of Logs, each with the steps made by then.
+///     Within about 50 ms of Ctrl-C; its attribute `finished` is the list of Logs, each with the
+///     steps made by then.
 #[pyfunction]
-pub fn run_many(py: Python<'_>, estimators: &Bound<'_, PyAny>, logs: &Bound<'_, PyAny>) -> PyResult<Vec<Log>> {
+pub fn run_many(
+    py: Python<'_>,
+    estimators: &Bound<'_, PyAny>,
+    logs: &Bound<'_, PyAny>,
+) -> PyResult<Vec<Log>> {
     let logs: Vec<Bound<'_, PyAny>> = items("logs", "a list of arrays", logs)?;
     if let Ok(one) = estimators.cast::<DdMhe>() {
         let core = &*one.get().core()?;
         let data = columns(&logs, |_| core.p())?;
         let slices: Vec<&[f64]> = data.iter().map(Vec::as_slice).collect();
         let mut signals = Signals::default();
-        let found = py.detach(|| ddmhe_core::run_copies(core, &slices, &mut |_| signals.raised())).map_err(raise)?;
+        let found = py
+            .detach(|| ddmhe_core::run_copies(core, &slices, &mut |_| signals.raised()))
+            .map_err(raise)?;
         let sizes = vec![(core.n(), core.is_bounded()); found.len()];
         return logged(py, found, sizes, signals);
     }
     let estimators = items("estimators", "a DdMhe or a list of DdMhe or of History", estimators)?;
     if estimators.len() != logs.len() {
         let (expected, found) = (estimators.len(), logs.len());
-        return Err(ShapeError::new_err(format!("logs: expected {expected}, one per estimator, found {found}")));
+        return Err(ShapeError::new_err(format!(
+            "logs: expected {expected}, one per estimator, found {found}"
+        )));
     }
     if !estimators.is_empty() && estimators.iter().all(|item| item.cast::<History>().is_ok()) {
-        let histories: Vec<&History> =
-            estimators.iter().map(|item| cast_history("estimators", item)).collect::<PyResult<_>>()?;
+        let histories: Vec<&History> = estimators
+            .iter()
+            .map(|item| cast_history("estimators", item))
+            .collect::<PyResult<_>>()?;
         let data = columns(&logs, |k| histories[k].core.p())?;
         let (histories, slices): (Vec<_>, Vec<&[f64]>) =
             histories.iter().zip(&data).map(|(h, log)| (&h.core, log.as_slice())).unzip();
         let (mut signals, config) = (Signals::default(), Config::default());
         let found = py
-            .detach(|| ddmhe_core::run_recordings(&histories, &config, &slices, &mut |_| signals.raised()))
+            .detach(|| {
+                ddmhe_core::run_recordings(&histories, &config, &slices, &mut |_| signals.raised())
+            })
             .map_err(raise)?;
         let sizes = histories.iter().map(|history| (history.n(), false)).collect();
         return logged(py, found, sizes, signals);
@@ -581,7 +643,9 @@ pub fn run_many(py: Python<'_>, estimators: &Bound<'_, PyAny>, logs: &Bound<'_, 
     let mut cores: Vec<&mut ddmhe_core::DdMhe> = borrowed.iter_mut().map(|e| &mut **e).collect();
     let slices: Vec<&[f64]> = data.iter().map(Vec::as_slice).collect();
     let mut signals = Signals::default();
-    let found = py.detach(|| ddmhe_core::run_many(&mut cores, &slices, &mut |_| signals.raised())).map_err(raise)?;
+    let found = py
+        .detach(|| ddmhe_core::run_many(&mut cores, &slices, &mut |_| signals.raised()))
+        .map_err(raise)?;
     logged(py, found, sizes, signals)
 }
 
@@ -606,8 +670,14 @@ fn in_use(k: usize) -> PyErr {
     ))
 }
 
-fn items<'py>(argument: &str, expected: &str, value: &Bound<'py, PyAny>) -> PyResult<Vec<Bound<'py, PyAny>>> {
-    let wrong = |_| DdmheError::new_err(format!("{argument}: expected {expected}, found {}", value.get_type()));
+fn items<'py>(
+    argument: &str,
+    expected: &str,
+    value: &Bound<'py, PyAny>,
+) -> PyResult<Vec<Bound<'py, PyAny>>> {
+    let wrong = |_| {
+        DdmheError::new_err(format!("{argument}: expected {expected}, found {}", value.get_type()))
+    };
     value.try_iter().map_err(wrong)?.collect()
 }
 
@@ -619,7 +689,9 @@ fn columns(logs: &[Bound<'_, PyAny>], p: impl Fn(usize) -> usize) -> PyResult<Ve
         if columns == expected {
             return Ok(values);
         }
-        Err(ShapeError::new_err(format!("logs: expected {expected} columns in number {k}, found {columns}")))
+        Err(ShapeError::new_err(format!(
+            "logs: expected {expected} columns in number {k}, found {columns}"
+        )))
     };
     logs.iter().enumerate().map(log).collect()
 }
@@ -648,8 +720,9 @@ impl Log {
     #[classmethod]
     #[pyo3(signature = (*columns))]
     fn _of(_cls: &Bound<'_, PyType>, columns: &Bound<'_, PyTuple>) -> PyResult<Self> {
-        let (x, cost, bound, status, active, iterations): Columns<'_> =
-            columns.extract().map_err(|_| DdmheError::new_err("columns: expected those of a Log, found others"))?;
+        let (x, cost, bound, status, active, iterations): Columns<'_> = columns
+            .extract()
+            .map_err(|_| DdmheError::new_err("columns: expected those of a Log, found others"))?;
         let words = PyOnceLock::new();
         let _ = words.set(status.py(), status.unbind()); // it was empty
         Ok(Log {
@@ -666,8 +739,9 @@ impl Log {
     /// Status of each step (N,), strings.
     #[getter]
     fn status(&self, py: Python<'_>) -> PyResult<Py<PyAny>> {
-        let made =
-            || -> PyResult<Py<PyAny>> { Ok(py.import("numpy")?.call_method1("array", (&self.words, "U16"))?.unbind()) };
+        let made = || -> PyResult<Py<PyAny>> {
+            Ok(py.import("numpy")?.call_method1("array", (&self.words, "U16"))?.unbind())
+        };
         Ok(self.status.get_or_try_init(py, made)?.clone_ref(py))
     }
 }

@@ -15,6 +15,11 @@ pub fn made<'py, T: PyTypeInfo>(py: Python<'py>, method: &str, blob: &[u8]) -> P
 
 /// The bytes of the argument `blob`.
 pub fn bytes<'a>(blob: &'a Bound<'_, PyAny>) -> PyResult<&'a [u8]> {
-    let wrong = |_| DdmheError::new_err(format!("blob: expected bytes, as they were made, found {}", blob.get_type()));
+    let wrong = |_| {
+        DdmheError::new_err(format!(
+            "blob: expected bytes, as they were made, found {}",
+            blob.get_type()
+        ))
+    };
     Ok(blob.cast::<PyBytes>().map_err(wrong)?.as_bytes())
 }

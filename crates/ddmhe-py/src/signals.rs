@@ -8,7 +8,8 @@ use pyo3::prelude::*;
 pub struct Signals(Option<PyErr>);
 
 impl Signals {
-    /// Whether a handler raised; asked by the calling thread, without the GIL. Only Python's main thread runs handlers.
+    /// Whether a handler raised; asked by the calling thread, without the GIL. Only Python's main
+    /// thread runs handlers.
     #[allow(clippy::redundant_closure_for_method_calls)] // the method holds for one lifetime of the GIL only
     pub fn raised(&mut self) -> bool {
         self.raised_by(|py| py.check_signals())
@@ -25,7 +26,12 @@ impl Signals {
     }
 
     /// What was found, or the exception that ended the work, with it as its `finished`.
-    pub fn outcome<'py, T: IntoPyObject<'py>>(self, py: Python<'py>, found: T, words: &str) -> PyResult<T> {
+    pub fn outcome<'py, T: IntoPyObject<'py>>(
+        self,
+        py: Python<'py>,
+        found: T,
+        words: &str,
+    ) -> PyResult<T> {
         match self.0 {
             None => Ok(found),
             Some(raised) => Err(with_finished(py, raised, found, words)),
@@ -34,12 +40,23 @@ impl Signals {
 }
 
 /// The exception with `finished` as its attribute and `words` as a note.
-pub fn with_finished<'py>(py: Python<'py>, raised: PyErr, finished: impl IntoPyObject<'py>, words: &str) -> PyErr {
+pub fn with_finished<'py>(
+    py: Python<'py>,
+    raised: PyErr,
+    finished: impl IntoPyObject<'py>,
+    words: &str,
+) -> PyErr {
     let value = raised.value(py);
-    // An exception that takes no attributes, or no notes (before Python 3.11), is raised all the same.
+    // An exception that takes no attributes, or no notes (before Python 3.11), is raised all the
+    // same.
     if let Ok(finished) = finished.into_bound_py_any(py) {
         drop(value.setattr("finished", finished));
     }
-    drop(value.call_method1("add_note", (format!("{words}; see the exception's attribute finished"),)));
+    drop(
+        value.call_method1(
+            "add_note",
+            (format!("{words}; see the exception's attribute finished"),),
+        ),
+    );
     raised
 }

@@ -55,7 +55,10 @@ impl Truncated {
         Ok(Truncated { rank, tol: tol.map(|t| number("tol", t)).transpose()? })
     }
 
-    fn __reduce__<'py>(&self, py: Python<'py>) -> (Bound<'py, PyType>, (Option<usize>, Option<f64>)) {
+    fn __reduce__<'py>(
+        &self,
+        py: Python<'py>,
+    ) -> (Bound<'py, PyType>, (Option<usize>, Option<f64>)) {
         (py.get_type::<Self>(), (self.rank, self.tol))
     }
 
@@ -67,14 +70,15 @@ impl Truncated {
     }
 }
 
-/// Every direction above rounding level, and weight * ||alpha||**2 added to the cost (17), in its units.
+/// Every direction above rounding level, and weight * ||alpha||**2 added to the cost (17), in its
+/// units.
 ///
 /// Parameters
 /// ----------
 /// weight : float > 0
 /// normalised : bool
-///     True: the weight is on ||a||**2 = N ||alpha||**2 - 1, in units of the cost: what DdMhe.ridge shows, and the
-///     same for every length of recording, horizon and unit.
+///     True: the weight is on ||a||**2 = N ||alpha||**2 - 1, in units of the cost: what DdMhe.ridge
+///     shows, and the same for every length of recording, horizon and unit.
 #[pyclass(module = "ddmhe", frozen, eq, name = "Ridge")]
 #[derive(PartialEq)]
 pub struct Ridge {
@@ -98,7 +102,11 @@ impl Ridge {
     }
 
     fn __repr__(&self) -> String {
-        format!("Ridge({:e}{})", self.weight, if self.normalised { ", normalised=True" } else { "" })
+        format!(
+            "Ridge({:e}{})",
+            self.weight,
+            if self.normalised { ", normalised=True" } else { "" }
+        )
     }
 }
 

@@ -9,21 +9,29 @@ use ddmhe_core::validation::{self, Fold, Score};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
-/// History, prior (n,), outputs (N, p), true states (N, n), the number of estimates that each error covers, and
-/// what errors are relative to (n,).
-type Held<'py> =
-    (Bound<'py, PyAny>, Bound<'py, PyAny>, Bound<'py, PyAny>, Bound<'py, PyAny>, Vec<usize>, Bound<'py, PyAny>);
+/// History, prior (n,), outputs (N, p), true states (N, n), the number of estimates that each error
+/// covers, and what errors are relative to (n,).
+type Held<'py> = (
+    Bound<'py, PyAny>,
+    Bound<'py, PyAny>,
+    Bound<'py, PyAny>,
+    Bound<'py, PyAny>,
+    Vec<usize>,
+    Bound<'py, PyAny>,
+);
 
 /// Mean squared relative error of each span, spectral radius.
 type Pair = (Vec<f64>, f64);
 
-/// Scores (mean squared relative error of each span, spectral radius) of jobs (fold, settings), on all cores.
+/// Scores (mean squared relative error of each span, spectral radius) of jobs (fold, settings), on
+/// all cores.
 ///
 /// A fold is (history, x_prior, outputs, truth, spans, spread).
 ///
-/// Settings are keywords of DdMhe: horizon, rho, mu, weights, space, equilibrium, start. A setting that cannot be used scores inf.
-/// `progress(done)` is called now and then. What it or a signal's handler raises ends the work within about 50 ms; the
-/// scores found by then, None for the others, are the exception's attribute `finished`.
+/// Settings are keywords of DdMhe: horizon, rho, mu, weights, space, equilibrium, start. A setting
+/// that cannot be used scores inf. `progress(done)` is called now and then. What it or a signal's
+/// handler raises ends the work within about 50 ms; the scores found by then, None for the others,
+/// are the exception's attribute `finished`.
 #[pyfunction]
 #[pyo3(signature = (folds, jobs, progress=None))]
 pub fn validate(
@@ -34,8 +42,10 @@ pub fn validate(
 ) -> PyResult<Vec<Option<Pair>>> {
     let folds: Vec<Fold> = folds.into_iter().map(fold).collect::<PyResult<_>>()?;
     let (n, p) = folds.first().map_or((0, 0), |f| (f.history.n(), f.history.p()));
-    let jobs: Vec<(usize, Config)> =
-        jobs.iter().map(|(fold, given)| Ok((*fold, config(given, n, p)?))).collect::<PyResult<_>>()?;
+    let jobs: Vec<(usize, Config)> = jobs
+        .iter()
+        .map(|(fold, given)| Ok((*fold, config(given, n, p)?)))
+        .collect::<PyResult<_>>()?;
     let mut signals = Signals::default();
     let mut stop = |done: usize| {
         signals.raised_by(|py| {
@@ -44,8 +54,9 @@ pub fn validate(
         })
     };
     let scores = py.detach(|| validation::validate(&folds, &jobs, &mut stop)).map_err(raise)?;
-    let scores =
-        scores.into_iter().map(|score| score.map(|Score { errors, spectral_radius }| (errors, spectral_radius)));
+    let scores = scores
+        .into_iter()
+        .map(|score| score.map(|Score { errors, spectral_radius }| (errors, spectral_radius)));
     signals.outcome(py, scores.collect(), "the validation was stopped")
 }
 
@@ -72,7 +83,11 @@ fn config(given: &Bound<'_, PyDict>, n: usize, p: usize) -> PyResult<Config> {
             "weights" => config.weights = weighting(&value)?,
             "start" => config.start = start(&value)?,
             "space" => config.space = spaces::space(&value)?,
-            other => return Err(DdmheError::new_err(format!("jobs: expected a setting of DdMhe, found {other}"))),
+            other => {
+                return Err(DdmheError::new_err(format!(
+                    "jobs: expected a setting of DdMhe, found {other}"
+                )));
+            }
         }
     }
     Ok(config)

@@ -1,13 +1,17 @@
-"""What a user could take instead of Dd-MHE, implemented as well as we can: the estimators that studies compare with.
+"""What a user could take instead of Dd-MHE, implemented as well as we can: the estimators that
+studies compare with.
 
 - `KoopmanMhe`, `ErrorStateKalman`: the two methods that Liu et al. 2026 compare with.
-- `ArxKalman`, `RidgeFir`: the usual data-driven choices, a Kalman filter on an identified model and a regression.
-- `Oracle`: a Kalman filter (extended or unscented) that knows the true model: a limit for everything else.
-- `TahirIntervalObserver`: a mixed-monotone interval observer, a reconstruction; takes an `interval.System`.
+- `ArxKalman`, `RidgeFir`: the usual data-driven choices, a Kalman filter on an identified model and
+  a regression.
+- `Oracle`: a Kalman filter (extended or unscented) that knows the true model: a limit for
+  everything else.
+- `TahirIntervalObserver`: a mixed-monotone interval observer, a reconstruction; takes an
+  `interval.System`.
 
-All but the last share one interface with `DdMhe`: `step(y_t)` consumes the next output and returns the estimate of the
-state right after it (step t consumes y(t-1) and gives x̂(t)), `run(Y)` does it for many, `reset(x_prior)` starts again.
-"""
+All but the last share one interface with `DdMhe`: `step(y_t)` consumes the next output and returns
+the estimate of the state right after it (step t consumes y(t-1) and gives x̂(t)), `run(Y)` does it
+for many, `reset(x_prior)` starts again."""
 
 from ddmhe.baselines.base import Baseline, Estimate, Log
 from ddmhe.baselines.kalman import ArxKalman, ErrorStateKalman, Oracle

@@ -34,8 +34,8 @@ class Log:
 class Baseline:
     """An estimator that is fed outputs one by one.
 
-    One whose estimate has left all bounds has diverged: its estimate is NaN from then on, until the next reset.
-    """
+    One whose estimate has left all bounds has diverged: its estimate is NaN from then on, until the
+    next reset."""
 
     _diverged = False
 
@@ -46,10 +46,13 @@ class Baseline:
 
     def step(self, y_t: ArrayLike) -> Estimate:
         """Consume y(t-1) (p,), NaN where not measured; x̂(t)."""
-        return Estimate(self._next(_outputs("y_t", np.atleast_1d(numbers("y_t", y_t, missing=True)), (self.p,))))
+        return Estimate(
+            self._next(_outputs("y_t", np.atleast_1d(numbers("y_t", y_t, missing=True)), (self.p,)))
+        )
 
     def run(self, Y: ArrayLike) -> Log:
-        """Consume outputs (N, p), one step each. A KeyboardInterrupt has the Log so far as `finished`."""
+        """Consume outputs (N, p), one step each. A KeyboardInterrupt has the Log so far as
+        `finished`."""
         x: list[Array] = []
         try:
             for y in _outputs("Y", Y, (-1, self.p)):
@@ -87,7 +90,8 @@ class Baseline:
 
 
 def recordings(history: History) -> list[tuple[Array, Array]]:
-    """States (T_i+1, n) and outputs (T_i, p) of each recording; DdmheError if this is no History."""
+    """States (T_i+1, n) and outputs (T_i, p) of each recording; DdmheError if this is no
+    History."""
     return check_history(history).recordings
 
 

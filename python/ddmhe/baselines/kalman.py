@@ -1,4 +1,5 @@
-"""Kalman filters: on a data model (Dd-ESKF), on an identified vector-ARX model, and with the true model."""
+"""Kalman filters: on a data model (Dd-ESKF), on an identified vector-ARX model, and with the true
+model."""
 
 from __future__ import annotations
 
@@ -10,7 +11,15 @@ import scipy.linalg
 from numpy.typing import ArrayLike, NDArray
 
 from ddmhe._core import DdmheError, History, RankError, ShapeError
-from ddmhe.arguments import array, check_finite, check_flag, check_number, check_whole, choice, shown
+from ddmhe.arguments import (
+    array,
+    check_finite,
+    check_flag,
+    check_number,
+    check_whole,
+    choice,
+    shown,
+)
 from ddmhe.baselines.base import Baseline, recordings
 from ddmhe.design.model import identify, samples
 
@@ -23,7 +32,8 @@ STABLE = 0.999
 
 
 def update(x: Array, P: Array, innovation: Array, C: Array, R: Array) -> tuple[Array, Array]:
-    """x and P after a measurement, in Joseph's form; entries of the innovation that are NaN were not measured."""
+    """x and P after a measurement, in Joseph's form; entries of the innovation that are NaN were
+    not measured."""
     seen = ~np.isnan(innovation)
     if not seen.any():
         return x, P
@@ -36,16 +46,17 @@ def update(x: Array, P: Array, innovation: Array, C: Array, R: Array) -> tuple[A
 class ErrorStateKalman(Baseline):
     """Dd-ESKF: an error-state Kalman filter on the least-squares model of the recording.
 
-    The nominal state runs through the model, the filter estimates its error and feeds it back at every step, as Liu et
-    al. 2026 compare with (Q = 1e5, R = 1e3 there, both times identity). Without Q and R it is tuned from the recording:
-    the residual covariances of the model.
+    The nominal state runs through the model, the filter estimates its error and feeds it back at
+    every step, as Liu et al. 2026 compare with (Q = 1e5, R = 1e3 there, both times identity).
+    Without Q and R it is tuned from the recording: the residual covariances of the model.
 
     Parameters
     ----------
     history : History
         The recording.
     Q, R : float
-        Process and measurement noise covariance, times identity; units of the state and of the output squared.
+        Process and measurement noise covariance, times identity; units of the state and of the
+        output squared.
     affine : bool
         Model with offsets e and r; without them it is the linear one, [A; C] = [X1; Y0] X0⁺.
     x_prior : (n,)
@@ -77,7 +88,9 @@ class ErrorStateKalman(Baseline):
             self.A, self.C = theta[: self.n], theta[self.n :]
             self.e, self.r = np.zeros(self.n), np.zeros(self.p)
         x_next, y = after[:, : self.n], after[:, self.n :]
-        self.Q = _covariance(Q, x_next - before @ self.A.T - self.e, np.vstack([before[:1], x_next]))
+        self.Q = _covariance(
+            Q, x_next - before @ self.A.T - self.e, np.vstack([before[:1], x_next])
+        )
         self.R = _covariance(R, y - before @ self.C.T - self.r, y)
         self.reset()
 
@@ -93,11 +106,12 @@ class ErrorStateKalman(Baseline):
 
 
 class ArxKalman(Baseline):
-    """A Kalman filter on a vector-ARX model of states and outputs together: what system identification would do.
+    """A Kalman filter on a vector-ARX model of states and outputs together: what system
+    identification would do.
 
-    z(k) = [x(k); y(k)] = c + A_1 z(k-1) + … + A_L z(k-L) + ε(k) by ridge regression; the filter runs on the last L
-    values of z, of which the outputs are measured. Hidden states are covered by the lags. An unstable
-    fit is made stable.
+    z(k) = [x(k); y(k)] = c + A_1 z(k-1) + … + A_L z(k-L) + ε(k) by ridge regression; the filter
+    runs on the last L values of z, of which the outputs are measured. Hidden states are covered by
+    the lags. An unstable fit is made stable.
 
     Parameters
     ----------
@@ -120,7 +134,9 @@ class ArxKalman(Baseline):
         fits = [_arx(parts, L) for L in orders if self._suffices(parts, L, order is not None)]
         if not fits:
             least = 2 * (m + 1) if order is None else order + 1
-            raise RankError(f"history: expected more than {least} samples, also in the last recording, found {total}")
+            raise RankError(
+                f"history: expected more than {least} samples, also in the last recording, found {total}"
+            )
         _, self.order, self._offset, lags, noise = min(fits, key=lambda fit: fit[0])
         L = self.order
         self._A = np.zeros((m * L, m * L))
@@ -158,7 +174,8 @@ class ArxKalman(Baseline):
 
 
 class Oracle(Baseline):
-    """A Kalman filter that knows the true model and noise: the limit that no data-driven method can pass.
+    """A Kalman filter that knows the true model and noise: the limit that no data-driven method can
+    pass.
 
     Parameters
     ----------
@@ -192,7 +209,9 @@ class Oracle(Baseline):
         """Check and start."""
         x = array("x_prior", x_prior, (-1,))
         check_finite("x_prior", x)
-        if not callable(getattr(model, "output", None)) or not callable(getattr(model, "derivative", None)):
+        if not callable(getattr(model, "output", None)) or not callable(
+            getattr(model, "derivative", None)
+        ):
             raise DdmheError(f"model: expected a system of ddmhe.models, found {shown(model)}")
         states = len(getattr(model, "initial_state", x))
         if len(x) != states:
@@ -281,10 +300,11 @@ def _arx(parts: list[Array], L: int) -> tuple[float, int, Array, Array, Array]:
 
 
 def _contraction(theta: Array, L: int) -> float:
-    """1 for a stable model; else the factor a sample that brings its poles into the circle of radius STABLE.
+    """1 for a stable model; else the factor a sample that brings its poles into the circle of
+    radius STABLE.
 
-    Lag i times c^i multiplies every pole by c. Without it a state that no output shows, or a gap, lets errors explode.
-    """
+    Lag i times c^i multiplies every pole by c. Without it a state that no output shows, or a gap,
+    lets errors explode."""
     m = theta.shape[1]
     companion = np.eye(m * L, k=-m)
     companion[:m] = theta.T

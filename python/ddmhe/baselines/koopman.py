@@ -1,4 +1,5 @@
-"""Dd-KMHE: moving horizon estimation on a lifted linear model (EDMD with thin-plate splines), after Surana 2020."""
+"""Dd-KMHE: moving horizon estimation on a lifted linear model (EDMD with thin-plate splines), after
+Surana 2020."""
 
 from __future__ import annotations
 
@@ -18,7 +19,8 @@ MOST = 1000
 
 
 def thin_plate(x: Array, centres: Array) -> Array:
-    """Thin-plate spline r² log r, r = ‖x - c‖: points (…, n) and centres (K, n) to (…, K); 0 at a centre."""
+    """Thin-plate spline r² log r, r = ‖x - c‖: points (…, n) and centres (K, n) to (…, K); 0 at a
+    centre."""
     squared = np.sum((x[..., None, :] - centres) ** 2, axis=-1)
     return np.asarray(0.5 * squared * np.log(np.where(squared > 0, squared, 1.0)))
 
@@ -26,9 +28,10 @@ def thin_plate(x: Array, centres: Array) -> Array:
 class KoopmanMhe(Baseline):
     """The estimator that Liu et al. 2026 call Dd-KMHE.
 
-    A state is lifted to ψ(x) = [x; 1; thin-plate splines at random centres]; EDMD fits ψ(x⁺) = K ψ(x), y = C ψ(x) by
-    least squares. The estimate minimises 2ρ^m‖z(t-m) - z̄‖² + Σ ρ^{j-1} μ‖y(t-j) - C z(t-j)‖² over the lifted state at
-    the window's start, which is linear least squares.
+    A state is lifted to ψ(x) = [x; 1; thin-plate splines at random centres]; EDMD fits ψ(x⁺) = K
+    ψ(x), y = C ψ(x) by least squares. The estimate minimises 2ρ^m‖z(t-m) - z̄‖² + Σ ρ^{j-1}
+    μ‖y(t-j) - C z(t-j)‖² over the lifted state at the window's start, which is linear least
+    squares.
 
     Parameters
     ----------
@@ -39,13 +42,14 @@ class KoopmanMhe(Baseline):
     dimension : int
         Length of ψ; the paper's is 20.
     relift : bool
-        Lift the prior anew from its state, ψ(x̂(t-m)), so that it is on the manifold of lifted states; without, the
-        lifted estimate itself is the prior.
+        Lift the prior anew from its state, ψ(x̂(t-m)), so that it is on the manifold of lifted
+        states; without, the lifted estimate itself is the prior.
     seed : int
         Seed of the centres, uniform in the recorded range.
     cut : float
-        Singular values of the lifted recording below this share of the largest are not used by EDMD. Default: the one
-        of CUTS with which the first three quarters of the recording predict the last one best.
+        Singular values of the lifted recording below this share of the largest are not used by
+        EDMD. Default: the one of CUTS with which the first three quarters of the recording predict
+        the last one best.
     x_prior : (n,)
         Default: the last recorded state.
     """
@@ -82,9 +86,15 @@ class KoopmanMhe(Baseline):
         self._centre, self._scale = x.mean(axis=0), float(np.sqrt(x.var(axis=0).mean())) or 1.0
         scaled = (x - self._centre) / self._scale
         rng = np.random.default_rng(seed)
-        self.centres = rng.uniform(scaled.min(axis=0), scaled.max(axis=0), (dimension - self.n - 1, self.n))
+        self.centres = rng.uniform(
+            scaled.min(axis=0), scaled.max(axis=0), (dimension - self.n - 1, self.n)
+        )
         lifted = [(self.lift(x), y) for x, y in parts]
-        self.cut = min(self.CUTS, key=lambda each: self._prediction_error(each, lifted)) if cut is None else cut
+        self.cut = (
+            min(self.CUTS, key=lambda each: self._prediction_error(each, lifted))
+            if cut is None
+            else cut
+        )
         self.K, self.C = _edmd(lifted, self.cut)
         self.horizon = int(horizon)
         self._gains = list(self._prepared(rho, mu))
@@ -96,14 +106,17 @@ class KoopmanMhe(Baseline):
         return np.concatenate([x, np.ones((*x.shape[:-1], 1)), splines], axis=-1)
 
     def _prediction_error(self, cut: float, parts: list[tuple[Array, Array]]) -> float:
-        """Squared error of states and outputs, relative to their spread, predicted over the last quarter."""
+        """Squared error of states and outputs, relative to their spread, predicted over the last
+        quarter."""
         lifted, y = parts[-1]
         end = 3 * len(y) // 4
         K, C = _edmd([*parts[:-1], (lifted[: end + 1], y[:end])], cut)
         z, squares = lifted[end], 0.0
         with np.errstate(over="ignore", invalid="ignore"):
             for k in range(end, len(y)):
-                squares += float(np.mean((C @ z - y[k]) ** 2)) / max(float(y.var(axis=0).mean()), 1e-300)
+                squares += float(np.mean((C @ z - y[k]) ** 2)) / max(
+                    float(y.var(axis=0).mean()), 1e-300
+                )
                 z = K @ z
                 squares += float(np.mean((z - lifted[k + 1])[: self.n] ** 2)) / self._scale**2
                 if self._relift:
@@ -116,12 +129,16 @@ class KoopmanMhe(Baseline):
         for m in range(1, self.horizon + 1):
             rows.append(self.C @ power)
             power = self.K @ power
-            weights = np.repeat(np.sqrt(mu * rho ** np.arange(m - 1, -1, -1.0) / (2 * rho**m)), self.p)
+            weights = np.repeat(
+                np.sqrt(mu * rho ** np.arange(m - 1, -1, -1.0) / (2 * rho**m)), self.p
+            )
             found.append((np.vstack(rows), weights, power.copy()))
         return found
 
     def _start(self, x_prior: Array) -> None:
-        self._priors = [self.lift(x_prior)]  # lifted estimates of the last M + 1 steps, oldest first
+        self._priors = [
+            self.lift(x_prior)
+        ]  # lifted estimates of the last M + 1 steps, oldest first
         self._outputs: list[Array] = []
 
     def _step(self, y: Array) -> Array:
@@ -134,7 +151,12 @@ class KoopmanMhe(Baseline):
         misfit = np.where(np.isnan(window), 0.0, window - observability @ z)
         if np.isfinite(misfit).all():
             rows = np.vstack([weights[:, None] * observability, np.eye(len(z))])
-            z = z + np.linalg.lstsq(rows, np.concatenate([weights * misfit, np.zeros(len(z))]), rcond=None)[0]
+            z = (
+                z
+                + np.linalg.lstsq(
+                    rows, np.concatenate([weights * misfit, np.zeros(len(z))]), rcond=None
+                )[0]
+            )
         lifted = power @ z
         x = lifted[: self.n]
         self._priors = [*self._priors, self.lift(x) if self._relift else lifted][-self.horizon :]
@@ -144,8 +166,8 @@ class KoopmanMhe(Baseline):
 def _edmd(parts: list[tuple[Array, Array]], cut: float) -> tuple[Array, Array]:
     """K and C of ψ(x⁺) = K ψ(x), y = C ψ(x) by least squares.
 
-    parts : lifted states (T_i+1, d) and outputs (T_i, p) of each recording; no pair crosses from one to the next.
-    """
+    parts : lifted states (T_i+1, d) and outputs (T_i, p) of each recording; no pair crosses from
+    one to the next."""
     before = np.concatenate([z[:-1] for z, _ in parts])
     after = np.concatenate([np.hstack([z[1:], y]) for z, y in parts])
     theta: Array = np.linalg.lstsq(before, after, rcond=cut)[0].T.astype(np.float64)

@@ -1,4 +1,5 @@
-"""A finite impulse response: the state as a linear function of the last outputs, by ridge regression."""
+"""A finite impulse response: the state as a linear function of the last outputs, by ridge
+regression."""
 
 from __future__ import annotations
 
@@ -24,13 +25,15 @@ class RidgeFir(Baseline):
     length : int
         Number of outputs L in the window. Default: a fifth of the recording, at most 40.
     weight : float
-        Ridge weight in units of the largest squared singular value. Default: by generalised cross-validation (Golub,
-        Heath, Wahba 1979).
+        Ridge weight in units of the largest squared singular value. Default: by generalised
+        cross-validation (Golub, Heath, Wahba 1979).
     """
 
     WEIGHTS = tuple(10.0**k for k in range(-12, 1))
 
-    def __init__(self, history: History, length: int | None = None, weight: float | None = None) -> None:
+    def __init__(
+        self, history: History, length: int | None = None, weight: float | None = None
+    ) -> None:
         """Check, identify and start."""
         parts = recordings(history)
         super().__init__(history.n, history.p, parts[-1][0][-1])
@@ -38,10 +41,14 @@ class RidgeFir(Baseline):
         if length is not None:
             check_whole("length", length, expected="at least 1 output")
         if weight is not None:
-            check_number("weight", weight, "a finite number of at least 0", lambda value: value >= 0)
+            check_number(
+                "weight", weight, "a finite number of at least 0", lambda value: value >= 0
+            )
         self.length = L = min(max(longest // 5, 1), 40) if length is None else int(length)
         if longest < L + 2:
-            raise RankError(f"history: expected at least {L + 2} samples in a row for {L}, found {longest}")
+            raise RankError(
+                f"history: expected at least {L + 2} samples in a row for {L}, found {longest}"
+            )
         # no window crosses from one recording to the next
         windows = np.array([y[k : k + L].ravel() for _, y in parts for k in range(len(y) - L + 1)])
         targets = np.concatenate([x[L:] for x, _ in parts])
@@ -59,7 +66,9 @@ class RidgeFir(Baseline):
         gains = s / (s**2 + self.weight * s[0] ** 2 + 1e-300)
         self.W = (Vt.T * gains @ projected).T
         last = parts[-1][1][len(parts[-1][1]) - min(L - 1, len(parts[-1][1])) :]
-        lacking = np.tile(self._mean_y[: self.p], (L - 1 - len(last), 1))  # a last recording shorter than the window
+        lacking = np.tile(
+            self._mean_y[: self.p], (L - 1 - len(last), 1)
+        )  # a last recording shorter than the window
         self._recent = np.vstack([lacking, last])
         self.reset()
 

@@ -1,10 +1,11 @@
-"""A mixed-monotone interval observer: a **reconstruction** of the kind of A. M. Tahir and B. Açıkmeşe (2021).
+"""A mixed-monotone interval observer: a **reconstruction** of the kind of A. M. Tahir and B.
+Açıkmeşe (2021).
 
-Their text was not at hand: what stands here is what the words mixed-monotone bounds, gain by a semidefinite programme,
-with and without a change of coordinates allow. In coordinates z = T x the closed map g(z) = (A - L C) z + f(z) + L y is
-bounded above and below by its mixed-monotone decomposition: each entry of Dg that keeps its sign takes the end of the
-box that it points to, one that changes sign takes an end and a slack of its smaller side times the width.
-"""
+Their text was not at hand: what stands here is what the words mixed-monotone bounds, gain by a
+semidefinite programme, with and without a change of coordinates allow. In coordinates z = T x the
+closed map g(z) = (A - L C) z + f(z) + L y is bounded above and below by its mixed-monotone
+decomposition: each entry of Dg that keeps its sign takes the end of the box that it points to, one
+that changes sign takes an end and a slack of its smaller side times the width."""
 
 from __future__ import annotations
 
@@ -53,7 +54,8 @@ class TahirIntervalObserver:
     x0_center, x0_radius, w_radius, v_radius
         As for `ddmhe.interval.IntervalObserver`.
     transform : bool
-        Whether T are the real eigenvectors of the closed loop of the peak-to-peak design, or the identity.
+        Whether T are the real eigenvectors of the closed loop of the peak-to-peak design, or the
+        identity.
     lam : float, optional
         λ of the programme; None tries several.
 
@@ -75,17 +77,26 @@ class TahirIntervalObserver:
     ) -> None:
         """Find the gain and start at x(0)."""
         if not isinstance(system, System):
-            raise DdmheError(f"system: expected a ddmhe.interval.System, found {type(system).__name__}")
+            raise DdmheError(
+                f"system: expected a ddmhe.interval.System, found {type(system).__name__}"
+            )
         if system.kind is not None and system.kind[0] in ("uncertain", "euler"):
-            raise DdmheError("system: expected one whose f is known exactly, found parameters within bounds")
+            raise DdmheError(
+                "system: expected one whose f is known exactly, found parameters within bounds"
+            )
         self.system = system
         self._w = radius_of("w_radius", w_radius, system.D1.shape[1])
         self._v = radius_of("v_radius", v_radius, system.D2.shape[1])
-        center, radius = matrix("x0_center", x0_center, (system.n,)), radius_of("x0_radius", x0_radius, system.n)
+        center, radius = (
+            matrix("x0_center", x0_center, (system.n,)),
+            radius_of("x0_radius", x0_radius, system.n),
+        )
         self._start = center - radius, center + radius
         self.T = self._coordinates() if transform else np.eye(system.n)
         self._T_inv: Array = np.asarray(np.linalg.inv(self.T), dtype=np.float64)
-        self.gain = self._designed([0.02, 0.05, 0.1, 0.2, 0.3, 0.5] if lam is None else [float(lam)])
+        self.gain = self._designed(
+            [0.02, 0.05, 0.1, 0.2, 0.3, 0.5] if lam is None else [float(lam)]
+        )
         self.reset()
 
     def reset(self) -> None:
@@ -128,7 +139,8 @@ class TahirIntervalObserver:
         steps = [self.step(y) for y in matrix("Y", Y, (-1, self.system.p))]
         shape = (len(steps), self.system.n)
         return IntervalStep(
-            np.array([s.lower for s in steps]).reshape(shape), np.array([s.upper for s in steps]).reshape(shape)
+            np.array([s.lower for s in steps]).reshape(shape),
+            np.array([s.upper for s in steps]).reshape(shape),
         )
 
     def _map(self, z: Array) -> Array:
@@ -139,7 +151,9 @@ class TahirIntervalObserver:
 
     def _closed(self, J_lo: Array, J_hi: Array) -> tuple[Array, Array]:
         """Bounds of T(A - L C + J)T⁻¹."""
-        middle = self.T @ (self.system.A - self.gain @ self.system.C + 0.5 * (J_lo + J_hi)) @ self._T_inv
+        middle = (
+            self.T @ (self.system.A - self.gain @ self.system.C + 0.5 * (J_lo + J_hi)) @ self._T_inv
+        )
         radius = np.abs(self.T) @ (0.5 * (J_hi - J_lo)) @ np.abs(self._T_inv)
         return middle - radius, middle + radius
 
@@ -154,7 +168,8 @@ class TahirIntervalObserver:
         return np.asarray(np.linalg.inv(real / np.linalg.norm(real, axis=0)))
 
     def _designed(self, lams: list[float]) -> Array:
-        """L that minimises the peak-to-peak gain of the width's comparison system, over diagonal P and the λ given."""
+        """L that minimises the peak-to-peak gain of the width's comparison system, over diagonal P
+        and the λ given."""
         import cvxpy as cp
 
         s = self.system
@@ -182,7 +197,12 @@ class TahirIntervalObserver:
                     [X, D, V, P],
                 ]
             )
-            constraints: list[Any] = [X - inner >= P @ radius, X + inner >= P @ radius, V - noise >= 0, V + noise >= 0]
+            constraints: list[Any] = [
+                X - inner >= P @ radius,
+                X + inner >= P @ radius,
+                V - noise >= 0,
+                V + noise >= 0,
+            ]
             constraints += [block >> 0, lam * d >= mu, d <= 1]
             # the width's peak grows with γ/μ: normalise P below one, and weigh γ against μ
             problem = cp.Problem(cp.Minimize(gamma - mu), [*constraints, mu >= 1e-9])
@@ -204,15 +224,20 @@ class TahirIntervalObserver:
         return best[1]
 
     def _growth(self, gain: Array) -> float:
-        """Spectral radius of |A - L C| + F in z, which takes widths to the next ones: below 1 they stay bounded.
+        """Spectral radius of |A - L C| + F in z, which takes widths to the next ones: below 1 they
+        stay bounded.
 
-        An entry of Dg within [c - r, c + r] adds r to |c|, and where it changes sign twice its slack, 2(r - |c|).
-        """
+        An entry of Dg within [c - r, c + r] adds r to |c|, and where it changes sign twice its
+        slack, 2(r - |c|)."""
         s = self.system
         middle = np.abs(self.T @ (s.A - gain @ s.C + 0.5 * (s.j_lo + s.j_hi)) @ self._T_inv)
         radius = np.abs(self.T) @ (0.5 * (s.j_hi - s.j_lo)) @ np.abs(self._T_inv)
         comparison = middle + radius + 2 * np.maximum(radius - middle, 0)
-        return float(np.abs(np.linalg.eigvals(comparison)).max()) if np.isfinite(comparison).all() else np.inf
+        return (
+            float(np.abs(np.linalg.eigvals(comparison)).max())
+            if np.isfinite(comparison).all()
+            else np.inf
+        )
 
 
 def _mapped(M: Array, low: Array, high: Array) -> tuple[Array, Array]:

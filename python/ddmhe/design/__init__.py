@@ -1,9 +1,8 @@
 """Design of an estimator: identified models, pole placement (Algorithm 2), stability certificates.
 
-`pole_placement` is Algorithm 2 of Liu et al. 2026 as printed, with its limits stated. `ioss` designs the weighted
-certificate that exists for every observable system, and with a stated noise one for every system that a recording
-allows.
-"""
+`pole_placement` is Algorithm 2 of Liu et al. 2026 as printed, with its limits stated. `ioss`
+designs the weighted certificate that exists for every observable system, and with a stated noise
+one for every system that a recording allows."""
 
 from ddmhe._core import minimum_horizon
 from ddmhe.design.certificate import Certificate, Uncertainty, ioss, scalar_certificate

@@ -16,7 +16,8 @@ __all__ = ["check_finite", "check_number", "recording_or_system", "system"]
 def recording_or_system(
     history: History | None, A: ArrayLike | None, C: ArrayLike | None
 ) -> History | tuple[Array, Array]:
-    """The recording, or A (n, n) and C (p, n); DdmheError unless exactly one of the two was given."""
+    """The recording, or A (n, n) and C (p, n); DdmheError unless exactly one of the two was
+    given."""
     if (history is None) == (A is None and C is None):
         raise DdmheError("history: expected either a recording or A and C, found both or neither")
     if history is not None:

@@ -1,12 +1,14 @@
-"""Stability certificates: P, Q, R and η for which the estimation error is known to shrink, verified by eigenvalues.
+"""Stability certificates: P, Q, R and η for which the estimation error is known to shrink, verified
+by eigenvalues.
 
 For the difference d of two trajectories, d⁺ = A d - w, the inequality
 
-    ‖d⁺‖²_P ≤ η‖d‖²_P + ‖w‖²_Q + ‖C d‖²_R    ⟺    [[AᵀPA - ηP - CᵀRC, AᵀP], [PA, P - Q]] ⪯ 0        (L)
+    ‖d⁺‖²_P ≤ η‖d‖²_P + ‖w‖²_Q + ‖C d‖²_R    ⟺    [[AᵀPA - ηP - CᵀRC, AᵀP], [PA, P - Q]] ⪯ 0
+    (L)
 
-makes ‖d‖²_P an incremental input/output-to-state Lyapunov function (Schiller, Muntwiler, Köhler, Zeilinger, Müller
-2023). It exists for every observable pair and every η in (0, 1), also where (24) of Liu et al. 2026 is impossible.
-"""
+makes ‖d‖²_P an incremental input/output-to-state Lyapunov function (Schiller, Muntwiler, Köhler,
+Zeilinger, Müller 2023). It exists for every observable pair and every η in (0, 1), also where (24)
+of Liu et al. 2026 is impossible."""
 
 from __future__ import annotations
 
@@ -39,14 +41,16 @@ __all__ = ["Certificate", "Uncertainty", "ioss", "scalar_certificate"]
 MOST_STEPS = 10_000_000
 """Steps whose bounds fit into memory."""
 TRAJECTORY = 1e3 * float(np.finfo(float).eps)
-"""A recording counts as exact when every sample misses the model by less than this share of the numbers added up."""
+"""A recording counts as exact when every sample misses the model by less than this share of the
+numbers added up."""
 ETA = 0.95
 """Discount that is designed for when neither `eta` nor `condition` is given."""
 
 
 @dataclass(frozen=True)
 class Uncertainty:
-    """‖ΔA x + Δe‖_Q ≤ w q(x), ‖ΔC x + Δr‖_R ≤ v q(x), q(x)² = [x; 1]ᵀ metric [x; 1], for every consistent system."""
+    """‖ΔA x + Δe‖_Q ≤ w q(x), ‖ΔC x + Δr‖_R ≤ v q(x), q(x)² = [x; 1]ᵀ metric [x; 1], for every
+    consistent system."""
 
     metric: Array
     w: float
@@ -55,7 +59,8 @@ class Uncertainty:
 
 @dataclass(frozen=True, eq=False)
 class Certificate:
-    """P, Q, R, η that satisfy (L), in the user's units; the estimator takes it as `DdMhe(h, certificate=c)`."""
+    """P, Q, R, η that satisfy (L), in the user's units; the estimator takes it as `DdMhe(h,
+    certificate=c)`."""
 
     P: Array
     """(n, n), P ⪰ I: ‖d‖ ≤ ‖d‖_P."""
@@ -68,11 +73,13 @@ class Certificate:
     residual: float
     """Largest eigenvalue of (L), or of Φ for a robust certificate; at most 0."""
     A: Array | None = None
-    """(n, n) of the model, the centre of the consistent ones; None for a certificate read from a file without it."""
+    """(n, n) of the model, the centre of the consistent ones; None for a certificate read from a
+    file without it."""
     C: Array | None = None
     """(p, n)"""
     e: Array | None = None
-    """Offsets (n,), where known; the error bound then accounts for windows that are not the model's trajectories.
+    """Offsets (n,), where known; the error bound then accounts for windows that are not the model's
+    trajectories.
     Without them there is a bound only over a recording that is a trajectory of (A, C)."""
     r: Array | None = None
     """(p,)"""
@@ -83,9 +90,11 @@ class Certificate:
     noise: RecordingNoise | None = None
     """The noise for which a robust certificate was made."""
     optimised: bool = True
-    """Whether `ioss` found it by its programme: False is the Riccati solution, valid but larger than it need be."""
+    """Whether `ioss` found it by its programme: False is the Riccati solution, valid but larger
+    than it need be."""
     identified: bool = False
-    """Whether the model was fitted to a noisy (or curved) recording without a statement of its noise: how far the true
+    """Whether the model was fitted to a noisy (or curved) recording without a statement of its
+    noise: how far the true
     system is from it, nobody knows, and no error bound follows."""
 
     @property
@@ -99,7 +108,8 @@ class Certificate:
         return minimum_horizon(self.eta)
 
     def verify(self, A: ArrayLike, C: ArrayLike) -> float:
-        """Largest eigenvalue of (L) for a system (A, C): it satisfies the inequality when this is at most 0."""
+        """Largest eigenvalue of (L) for a system (A, C): it satisfies the inequality when this is
+        at most 0."""
         A, C = system(A, C)
         _matching(self.P, A, self.R, C)
         return largest_eigenvalue(dissipation(A, C, self.P, self.Q, self.R, self.eta))
@@ -107,16 +117,18 @@ class Certificate:
     def error_bound(self, steps: int, horizon: int, initial: float, w: float, v: float) -> Array:
         """Bounds (steps+1,) on ‖x̂(t) - x(t)‖, t = 0 … steps, known before the first measurement.
 
-        The weighted form of (34) for ‖x̄(0) - x(0)‖ ≤ initial, ‖w(t)‖ ≤ w, ‖v(t)‖ ≤ v, without constraints or with
-        constraints that the true trajectory satisfies, for an estimator whose windows are trajectories of a certified
-        system; those of a noisy recording are not, and only `Estimate.bound` accounts for that. The estimate compares
-        with the trajectory from the true x(t-M) without w, whose outputs are off by v + Cδ, δ = Σ Aⁱw; each bound is
-        the minimum over K > 1 of
+        The weighted form of (34) for ‖x̄(0) - x(0)‖ ≤ initial, ‖w(t)‖ ≤ w, ‖v(t)‖ ≤ v, without
+        constraints or with constraints that the true trajectory satisfies, for an estimator whose
+        windows are trajectories of a certified system; those of a noisy recording are not, and only
+        `Estimate.bound` accounts for that. The estimate compares with the trajectory from the true
+        x(t-M) without w, whose outputs are off by v + Cδ, δ = Σ Aⁱw; each bound is the minimum over
+        K > 1 of
 
-            K(2η^M E² + Σ η^{j-1}(‖v + Cδ‖_R)²) + 2K/(2K-1) η^M E² + K/(K-1) Σ η^{j-1} V² + Σ η^{j-1} W².
+            K(2η^M E² + Σ η^{j-1}(‖v + Cδ‖_R)²) + 2K/(2K-1) η^M E² + K/(K-1) Σ η^{j-1} V² + Σ
+            η^{j-1} W².
 
-        (34) as printed is too small: it has √μ‖w‖ where w(t-1), which no output up to t-1 shows, needs ‖w‖.
-        """
+        (34) as printed is too small: it has √μ‖w‖ where w(t-1), which no output up to t-1 shows,
+        needs ‖w‖."""
         if self.identified:
             raise DdmheError(
                 "certificate: expected one of a known system or with the recording's noise stated, found one whose "
@@ -126,7 +138,9 @@ class Certificate:
             check_number(name, value, "a finite number of at least 0", lambda size: size >= 0)
         for name, count in (("steps", steps), ("horizon", horizon)):
             check_whole(name, count, most=MOST_STEPS)
-        largest_P, largest_Q, largest_R = (math.sqrt(extremes(M)[1]) for M in (self.P, self.Q, self.R))
+        largest_P, largest_Q, largest_R = (
+            math.sqrt(extremes(M)[1]) for M in (self.P, self.Q, self.R)
+        )
         V, W = largest_R * v, largest_Q * w
         drift = np.concatenate([[0.0], np.cumsum(self._gains(min(horizon, steps)))]) * w
         weighted = [largest_P * initial]
@@ -135,7 +149,11 @@ class Certificate:
             discount = self.eta ** np.arange(m - 1, -1, -1.0)
             candidate = float(discount @ (V + drift[:m]) ** 2)
             total = float(discount.sum())
-            weighted.append(_least_bound(self.eta**m * weighted[t - m] ** 2, candidate, total * V**2, total * W**2))
+            weighted.append(
+                _least_bound(
+                    self.eta**m * weighted[t - m] ** 2, candidate, total * V**2, total * W**2
+                )
+            )
         bounds = np.array(weighted) / math.sqrt(extremes(self.P)[0])
         bounds[0] = initial
         return bounds
@@ -150,11 +168,14 @@ class Certificate:
             for _ in range(count - 1):
                 powers.append(self.A @ powers[-1])
             return np.array([np.linalg.norm(root_R @ self.C @ power, 2) for power in powers])
-        # ‖C d‖²_R ≤ ‖A d‖²_P + … is no bound; over the set only norms are left: ‖C d‖_R ≤ (‖C_c‖ + spread)‖d‖_P.
+        # ‖C d‖²_R ≤ ‖A d‖²_P + … is no bound; over the set only norms are left: ‖C d‖_R ≤ (‖C_c‖ +
+        # spread)‖d‖_P.
         if self.growth is None:
             raise DdmheError("certificate: expected one with its growth, found one without")
         inverse = scipy.linalg.solve_triangular(scipy.linalg.cholesky(self.P), np.eye(len(self.P)))
-        spread = self.uncertainty.v * np.linalg.norm(root(self.uncertainty.metric[:-1, :-1]) @ inverse, 2)
+        spread = self.uncertainty.v * np.linalg.norm(
+            root(self.uncertainty.metric[:-1, :-1]) @ inverse, 2
+        )
         gain = np.linalg.norm(root_R @ self.C @ inverse, 2) + spread
         largest = math.sqrt(extremes(self.P)[1])
         return np.asarray(gain * self.growth ** np.arange(count) * largest)
@@ -178,7 +199,11 @@ class Certificate:
             )
         if self.identified:
             scope += ", so that no error bound follows"
-        best = "" if self.optimised else " Rounding refuted the smaller weights that were tried: not the best gains."
+        best = (
+            ""
+            if self.optimised
+            else " Rounding refuted the smaller weights that were tried: not the best gains."
+        )
         return (
             f"Certified for {scope}: discount {self.eta:.6g} per sample, cond P = {self.condition:.4g}, largest "
             f"eigenvalue of the inequality {self.residual:.3g}. Estimation errors shrink with a horizon of at least "
@@ -200,32 +225,34 @@ def ioss(
 ) -> Certificate:
     """Design a stability certificate from a recording, or from (A, C).
 
-    Minimises w² trace Q + v² trace R subject to (L) and P ⪰ I; with `noise`, to (L) for every system that the
-    recording allows.
+    Minimises w² trace Q + v² trace R subject to (L) and P ⪰ I; with `noise`, to (L) for every
+    system that the recording allows.
 
     Parameters
     ----------
     history : History
-        A recording; its affine least-squares model is certified, or with `noise` every system consistent with it.
+        A recording; its affine least-squares model is certified, or with `noise` every system
+        consistent with it.
     eta : float in (0, 1)
         Discount per sample. Default: the smallest that `condition` allows, or 0.95.
     A, C : arrays (n, n), (p, n)
         A known system instead of a recording.
     e, r : arrays (n,), (p,)
-        Its offsets, x(t+1) = A x + e, y = C x + r; zeros for a linear system. P, Q and R do not depend on them, but the
-        error bound of an estimator over a noisy recording does.
+        Its offsets, x(t+1) = A x + e, y = C x + r; zeros for a linear system. P, Q and R do not
+        depend on them, but the error bound of an estimator over a noisy recording does.
     condition : float > 1
         Upper bound on cond P.
     noise : RecordingNoise
         Errors of the recording.
     gains : (w, v)
-        Relative sizes of w and v in what is minimised. Default (1, ‖C‖): an output error as large as a unit of state.
+        Relative sizes of w and v in what is minimised. Default (1, ‖C‖): an output error as large
+        as a unit of state.
 
     Raises
     ------
     InfeasibleError
-        No certificate exists or none was found: unobservable modes that η does not cover, η too small for
-        `condition`, noise that allows for systems that cannot be certified together.
+        No certificate exists or none was found: unobservable modes that η does not cover, η too
+        small for `condition`, noise that allows for systems that cannot be certified together.
     DdmheError, ShapeError, NotFiniteError, RankError
         Wrong arguments; a recording that does not determine (A, C).
     """
@@ -253,7 +280,10 @@ def ioss(
     certificate = _certificate(allowed, *found, eta=eta, noise=noise, offsets=history is not None)
     if known is not None:
         return replace(certificate, e=known[0], r=known[1])
-    return replace(certificate, identified=history is not None and noise is None and not _is_exact(history, allowed))
+    return replace(
+        certificate,
+        identified=history is not None and noise is None and not _is_exact(history, allowed),
+    )
 
 
 def scalar_certificate(
@@ -266,12 +296,13 @@ def scalar_certificate(
     e: ArrayLike | None = None,
     r: ArrayLike | None = None,
 ) -> Certificate:
-    """The scalar weights of (17) as a certificate, P = I, R = μI, Q = 3I, η = ρ, if `gain` L (n, p) satisfies (24).
+    """The scalar weights of (17) as a certificate, P = I, R = μI, Q = 3I, η = ρ, if `gain` L (n, p)
+    satisfies (24).
 
     e, r are the offsets of the system, as in `ioss`.
 
-    ‖A_L d - w + L(v - v̂)‖² ≤ 3‖A_L d‖² + 3‖w‖² + 3‖L(v - v̂)‖² with 6‖A_L‖² ≤ ρ, 6‖L‖² ≤ μ gives (L).
-    """
+    ‖A_L d - w + L(v - v̂)‖² ≤ 3‖A_L d‖² + 3‖w‖² + 3‖L(v - v̂)‖² with 6‖A_L‖² ≤ ρ, 6‖L‖² ≤ μ gives
+    (L)."""
     A, C = system(A, C)
     L = array("gain", gain, (len(A), len(C)))
     check_finite("gain", L)
@@ -279,13 +310,17 @@ def scalar_certificate(
     check_number("mu", mu, "a positive number", lambda value: value > 0)
     rho_0, mu_0 = 6 * np.linalg.norm(A + L @ C, 2) ** 2, 6 * np.linalg.norm(L, 2) ** 2
     if not rho_0 <= rho < 1:
-        raise InfeasibleError(f"rho: expected a number in [{rho_0:.4g}, 1), which (24) asks for, found {rho}")
+        raise InfeasibleError(
+            f"rho: expected a number in [{rho_0:.4g}, 1), which (24) asks for, found {rho}"
+        )
     if not mu_0 <= mu:
         raise InfeasibleError(f"mu: expected at least {mu_0:.4g}, which (24) asks for, found {mu}")
     P, Q, R = np.eye(len(A)), 3.0 * np.eye(len(A)), mu * np.eye(len(C))
     residual = largest_eigenvalue(dissipation(A, C, P, Q, R, rho))
     if residual > 0:
-        raise InfeasibleError(f"gain: expected one for which the inequality holds, found its eigenvalue {residual:.3g}")
+        raise InfeasibleError(
+            f"gain: expected one for which the inequality holds, found its eigenvalue {residual:.3g}"
+        )
     if (e is None) != (r is None):
         raise DdmheError("e, r: expected both or neither, found one")
     certificate = Certificate(P, Q, R, rho, residual, A, C, growth=float(np.linalg.norm(A, 2)))
@@ -337,7 +372,9 @@ def _is_exact(history: History, model: ConsistentSet) -> bool:
 
 def _matching(P: Array, A: Array, R: Array, C: Array) -> None:
     if P.shape != A.shape or len(R) != len(C):
-        raise ShapeError(f"A, C: expected n = {len(P)}, p = {len(R)}, found n = {len(A)}, p = {len(C)}")
+        raise ShapeError(
+            f"A, C: expected n = {len(P)}, p = {len(R)}, found n = {len(A)}, p = {len(C)}"
+        )
 
 
 def _certificate(
@@ -358,12 +395,20 @@ def _certificate(
     growth = float(np.linalg.norm(root_P @ allowed.A @ inverse, 2))
     uncertainty = None
     if noise is not None:
-        spread = float(np.linalg.norm(root_P @ allowed.root[:n], 2) * np.linalg.norm(root(allowed.shape) @ inverse, 2))
+        spread = float(
+            np.linalg.norm(root_P @ allowed.root[:n], 2)
+            * np.linalg.norm(root(allowed.shape) @ inverse, 2)
+        )
         growth += spread
-        w, v = (float(np.linalg.norm(U @ q, 2)) for U, q in ((root_Q, allowed.root[:n]), (root_R, allowed.root[n:])))
+        w, v = (
+            float(np.linalg.norm(U @ q, 2))
+            for U, q in ((root_Q, allowed.root[:n]), (root_R, allowed.root[n:]))
+        )
         uncertainty = Uncertainty(allowed.metric, w, v)
     e, r = (allowed.e, allowed.r) if offsets else (None, None)
-    return Certificate(P, Q, R, eta, residual, allowed.A, allowed.C, e, r, growth, uncertainty, noise, optimised)
+    return Certificate(
+        P, Q, R, eta, residual, allowed.A, allowed.C, e, r, growth, uncertainty, noise, optimised
+    )
 
 
 def _smallest_eta(allowed: ConsistentSet, condition: float) -> float:
@@ -375,7 +420,9 @@ def _smallest_eta(allowed: ConsistentSet, condition: float) -> float:
         )
     while hi - lo > 1e-3:
         middle = 0.5 * (lo + hi)
-        lo, hi = (lo, middle) if best_gains(allowed, middle, condition, (1.0, 1.0)) else (middle, hi)
+        lo, hi = (
+            (lo, middle) if best_gains(allowed, middle, condition, (1.0, 1.0)) else (middle, hi)
+        )
     return hi
 
 
@@ -411,12 +458,15 @@ def _why_not(
 def _certifiable_share(
     allowed: ConsistentSet, eta: float, condition: float | None, gains: tuple[float, float]
 ) -> float:
-    """Largest width that can be certified, relative to the set's own about its centre: to 10 %, at least 1e-3."""
+    """Largest width that can be certified, relative to the set's own about its centre: to 10 %, at
+    least 1e-3."""
     lo, hi = math.log(1e-3), 0.0
     while hi - lo > 0.1:
         middle = 0.5 * (lo + hi)
         narrower = replace(allowed, root=math.exp(middle) * allowed.root)
-        lo, hi = (lo, middle) if best_gains(narrower, eta, condition, gains) is None else (middle, hi)
+        lo, hi = (
+            (lo, middle) if best_gains(narrower, eta, condition, gains) is None else (middle, hi)
+        )
     return math.exp(lo)
 
 
@@ -429,7 +479,9 @@ def _least_bound(prior: float, candidate: float, noise: float, motion: float) ->
     def bound(log_excess: float) -> float:
         excess = math.exp(log_excess)
         K = 1.0 + excess
-        return K * (2 * prior + candidate) + 2 * K / (2 * K - 1) * prior + K / excess * noise + motion
+        return (
+            K * (2 * prior + candidate) + 2 * K / (2 * K - 1) * prior + K / excess * noise + motion
+        )
 
     best = minimize_scalar(bound, bounds=(-30.0, 30.0), method="bounded")
     return math.sqrt(min(bound(float(best.x)), bound(-30.0)))

@@ -1,8 +1,9 @@
-"""The inequality of a certificate and the semidefinite programme that proposes one; eigenvalues have the last word.
+"""The inequality of a certificate and the semidefinite programme that proposes one; eigenvalues
+have the last word.
 
-For every [A; C] = [A_c; C_c] + Δ^½ Γ H^-½, ‖Γ‖ ≤ 1 (see `uncertainty`), the inequality (L) of `certificate` is a
-quadratic one in (d, q, w) with q = Δ^½ s, ‖s‖² ≤ dᵀH⁻¹d. By the S-lemma, lossless for one quadratic constraint, it
-holds for all of them if and only if
+For every [A; C] = [A_c; C_c] + Δ^½ Γ H^-½, ‖Γ‖ ≤ 1 (see `uncertainty`), the inequality (L) of
+`certificate` is a quadratic one in (d, q, w) with q = Δ^½ s, ‖s‖² ≤ dᵀH⁻¹d. By the S-lemma,
+lossless for one quadratic constraint, it holds for all of them if and only if
 
     Φ = FᵀPF - η E_dᵀPE_d - GᵀRG - E_wᵀQE_w + τ(E_dᵀH⁻¹E_d - E_sᵀE_s) ⪯ 0 for some τ ≥ 0,
     F = [A_c, [I 0]Δ^½, I],  G = [C_c, [0 I]Δ^½, 0]  on (d, s, w).
@@ -26,10 +27,18 @@ from ddmhe.design.uncertainty import ConsistentSet
 
 Array = NDArray[np.float64]
 
-__all__ = ["best_gains", "condition_number", "dissipation", "extremes", "largest_eigenvalue", "root"]
+__all__ = [
+    "best_gains",
+    "condition_number",
+    "dissipation",
+    "extremes",
+    "largest_eigenvalue",
+    "root",
+]
 
 MARGINS = (1e-7, 1e-4, 1e-2)
-"""The programme keeps Φ's (d, s) block this far below zero, relative to its size in balanced coordinates: the first
+"""The programme keeps Φ's (d, s) block this far below zero, relative to its size in balanced
+coordinates: the first
 margin whose solution survives the eigenvalue check."""
 
 
@@ -53,7 +62,8 @@ def _storage(system: ConsistentSet, P: Any, R: Any, tau: Any, eta: float) -> Any
 
 
 def _inequality(system: ConsistentSet, P: Any, Q: Any, R: Any, tau: Any, eta: float) -> Any:
-    """-Φ on (d, s, w): positive semidefinite if and only if (L) holds for every system of the set."""
+    """-Φ on (d, s, w): positive semidefinite if and only if (L) holds for every system of the
+    set."""
     import cvxpy as cp
 
     F, _ = _operators(system)
@@ -81,14 +91,17 @@ def _transformed(system: ConsistentSet, T: Array, inverse: Array, c: float) -> C
     left = scipy.linalg.block_diag(inverse, np.eye(len(system.C)) / c)
     metric = np.zeros_like(system.metric)
     metric[:-1, :-1] = T.T @ system.shape @ T
-    return replace(system, A=inverse @ system.A @ T, C=system.C @ T / c, root=left @ system.root, metric=metric)
+    return replace(
+        system, A=inverse @ system.A @ T, C=system.C @ T / c, root=left @ system.root, metric=metric
+    )
 
 
 def _balance(system: ConsistentSet, eta: float) -> Array | None:
-    """P₀ from the Riccati equation of the filter for (A/√η, C); it satisfies (L) itself, with R = ηI and some Q.
+    """P₀ from the Riccati equation of the filter for (A/√η, C); it satisfies (L) itself, with R =
+    ηI and some Q.
 
-    Σ = P₀⁻¹ = Ā(P₀ + CᵀC)⁻¹Āᵀ + W with W ≻ 0 means AᵀP₀A ≺ η(P₀ + CᵀC). None when the equation has no solution.
-    """
+    Σ = P₀⁻¹ = Ā(P₀ + CᵀC)⁻¹Āᵀ + W with W ≻ 0 means AᵀP₀A ≺ η(P₀ + CᵀC). None when the equation has
+    no solution."""
     scale = float(np.linalg.norm(system.C, 2)) or 1.0
     A, C = system.A / math.sqrt(eta), system.C / scale
     try:
@@ -107,8 +120,8 @@ def best_gains(
 ) -> tuple[Array, Array, Array, float, bool] | None:
     """(P, Q, R, residual, optimised) in the user's units, verified; None if none was found.
 
-    Not optimised is the Riccati solution, which stands in where rounding refutes every solution of the programme.
-    """
+    Not optimised is the Riccati solution, which stands in where rounding refutes every solution of
+    the programme."""
     P_0 = _balance(system, eta)
     if P_0 is None:
         return None
@@ -118,12 +131,16 @@ def best_gains(
     inverse = np.linalg.inv(T)
     balanced = _transformed(system, T, inverse, scale)
     for margin in MARGINS:
-        found = _programme(balanced, T, inverse, eta, condition, (gains[0], gains[1] / scale), margin)
+        found = _programme(
+            balanced, T, inverse, eta, condition, (gains[0], gains[1] / scale), margin
+        )
         if found is None:
             break  # a larger margin asks for more
         P, R, tau = found
         verified = _verified(system, inverse.T @ P @ inverse, R / scale**2, tau, eta)
-        if verified is not None and (condition is None or condition_number(verified[0]) <= condition * (1 + 1e-6)):
+        if verified is not None and (
+            condition is None or condition_number(verified[0]) <= condition * (1 + 1e-6)
+        ):
             return *verified, True
     if system.root.shape[1]:
         return None
@@ -142,7 +159,8 @@ def _programme(
     gains: tuple[float, float],
     margin: float,
 ) -> tuple[Array, Array, float] | None:
-    """P, R, τ of the programme in balanced coordinates; None unless the solver calls them (nearly) optimal."""
+    """P, R, τ of the programme in balanced coordinates; None unless the solver calls them (nearly)
+    optimal."""
     import cvxpy as cp
 
     n, p = len(system.A), len(system.C)
@@ -153,12 +171,19 @@ def _programme(
     size = max(float(np.linalg.norm(unit, 2)), 1e-300)
     kept = n + system.root.shape[1]
     floor = margin * scipy.linalg.block_diag(np.eye(kept), np.zeros((n, n)))
-    constraints = [_symmetric(_inequality(system, P, Q, R, tau, eta)) >> floor, R >> 1e-9 * np.eye(p), P >> unit / size]
+    constraints = [
+        _symmetric(_inequality(system, P, Q, R, tau, eta)) >> floor,
+        R >> 1e-9 * np.eye(p),
+        P >> unit / size,
+    ]
     if condition is not None:
         constraints.append(P << condition * unit / size)
     weight = inverse @ inverse.T  # trace of the user's Q = trace of weight Q
     length = float(np.linalg.norm(weight, 2))
-    cost = gains[0] ** 2 * cp.trace(weight / length @ Q) / n + gains[1] ** 2 * cp.trace(R) * (1 / length) / n
+    cost = (
+        gains[0] ** 2 * cp.trace(weight / length @ Q) / n
+        + gains[1] ** 2 * cp.trace(R) * (1 / length) / n
+    )
     problem = cp.Problem(cp.Minimize(cost), constraints)
     if not solve(problem) or P.value is None or R.value is None:
         return None
@@ -172,11 +197,11 @@ def _symmetric(M: Any) -> Any:
 def _verified(
     system: ConsistentSet, P: Array, R: Array, tau: float, eta: float
 ) -> tuple[Array, Array, Array, float] | None:
-    """P, Q, R, residual with the inequality confirmed by eigenvalues in the user's units; None if they deny it.
+    """P, Q, R, residual with the inequality confirmed by eigenvalues in the user's units; None if
+    they deny it.
 
-    Q is computed anew: with S ≻ 0 the smallest Q is P + PF S⁻¹ FᵀP (Schur complement). A little more of Q keeps the
-    eigenvalues away from zero by more than rounding.
-    """
+    Q is computed anew: with S ≻ 0 the smallest Q is P + PF S⁻¹ FᵀP (Schur complement). A little
+    more of Q keeps the eigenvalues away from zero by more than rounding."""
     P, R = _symmetric(P), _symmetric(R)
     smallest = float(np.linalg.eigvalsh(P)[0])
     if not smallest > 0 or not float(np.linalg.eigvalsh(R)[0]) > 0:
@@ -189,7 +214,9 @@ def _verified(
     Q = _symmetric(P + P @ F @ np.linalg.solve(S, F.T @ P))
     for more in (1e-6, 1e-4, 1e-2, 1.0):
         inflated = Q + more * np.eye(len(Q)) * float(np.trace(Q)) / len(Q)
-        residual = -float(np.linalg.eigvalsh(_symmetric(_inequality(system, P, inflated, R, tau, eta)))[0])
+        residual = -float(
+            np.linalg.eigvalsh(_symmetric(_inequality(system, P, inflated, R, tau, eta)))[0]
+        )
         if residual <= 0:
             return P, inflated, R, residual
     return None

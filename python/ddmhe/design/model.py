@@ -1,4 +1,5 @@
-"""An affine model from a recording: the bridge from data to designs that need (A, C), and to python-control."""
+"""An affine model from a recording: the bridge from data to designs that need (A, C), and to
+python-control."""
 
 from __future__ import annotations
 
@@ -21,16 +22,19 @@ Method = Literal["least squares", "total least squares"]
 __all__ = ["AffineModel", "identify", "is_observable", "samples"]
 
 DIFFERENCE = np.array([-1.0, 5.0, -10.0, 10.0, -5.0, 1.0])
-"""Fifth difference: of white noise of variance s² it has variance 252 s², of a smooth signal next to nothing."""
+"""Fifth difference: of white noise of variance s² it has variance 252 s², of a smooth signal next
+to nothing."""
 MOST_STEPS = 10_000_000
 """Simulated steps that fit into memory."""
 PBH = 1e-9
-"""A pair is unobservable when [λI - A; C] loses rank at this relative tolerance in balanced coordinates."""
+"""A pair is unobservable when [λI - A; C] loses rank at this relative tolerance in balanced
+coordinates."""
 
 
 @dataclass(frozen=True, eq=False)
 class AffineModel:
-    """x(k+1) = A x(k) + e + w(k), y(k) = C x(k) + r + v(k), with what the recording says of its accuracy."""
+    """x(k+1) = A x(k) + e + w(k), y(k) = C x(k) + r + v(k), with what the recording says of its
+    accuracy."""
 
     A: Array
     """(n, n)"""
@@ -43,7 +47,8 @@ class AffineModel:
     dt: float
     """Sampling interval, s."""
     residual: Array
-    """Covariance ((n+p), (n+p)) of [x(k+1) - A x(k) - e; y(k) - C x(k) - r], with the degrees of freedom taken off."""
+    """Covariance ((n+p), (n+p)) of [x(k+1) - A x(k) - e; y(k) - C x(k) - r], with the degrees of
+    freedom taken off."""
     gram: Array
     """Σ_k [x(k); 1][x(k); 1]ᵀ (n+1, n+1)."""
     samples: int
@@ -54,9 +59,8 @@ class AffineModel:
     def covariance(self) -> Array:
         """Covariance of the least-squares estimate of [A e; C r], row after row: residual ⊗ gram⁻¹.
 
-        Shape ((n+p)(n+1), (n+p)(n+1)). It holds for noise that enters as w and v; errors of the recorded states
-        also bias the estimate towards zero, which no covariance shows.
-        """
+        Shape ((n+p)(n+1), (n+p)(n+1)). It holds for noise that enters as w and v; errors of the
+        recorded states also bias the estimate towards zero, which no covariance shows."""
         return np.kron(self.residual, np.linalg.pinv(self.gram, hermitian=True))
 
     @property
@@ -84,12 +88,14 @@ class AffineModel:
     def to_control(self) -> Any:
         """The model as a discrete `control.StateSpace` (python-control, `pip install control`).
 
-        A StateSpace has no offsets: here they are the effect of one input that is constantly 1, so B = e and D = r.
-        """
+        A StateSpace has no offsets: here they are the effect of one input that is constantly 1, so
+        B = e and D = r."""
         try:
             import control
         except ImportError:
-            raise ImportError("to_control: expected the package control, found none (pip install control)") from None
+            raise ImportError(
+                "to_control: expected the package control, found none (pip install control)"
+            ) from None
         return control.ss(self.A, self.e[:, None], self.C, self.r[:, None], self.dt)
 
 
@@ -101,13 +107,15 @@ def identify(history: History, method: Method = "least squares") -> AffineModel:
     history : History
         One or several recordings; no sample pair crosses a seam.
     method : "least squares" or "total least squares"
-        Least squares takes the recorded x(k) as exact, right for noise that drives the system or sits on y. Total
-        least squares also allows errors of x(k): each channel is scaled by its noise (from fifth differences) first.
+        Least squares takes the recorded x(k) as exact, right for noise that drives the system or
+        sits on y. Total least squares also allows errors of x(k): each channel is scaled by its
+        noise (from fifth differences) first.
 
     Raises
     ------
     RankError
-        Fewer than n + 1 samples, or states that do not span n directions about their mean: A would not be unique.
+        Fewer than n + 1 samples, or states that do not span n directions about their mean: A would
+        not be unique.
     DdmheError
         An unknown method.
     """
@@ -125,7 +133,9 @@ def identify(history: History, method: Method = "least squares") -> AffineModel:
     offset = mean_z - mean_x @ theta
     freedom = len(X) - n - 1
     residual = Z - X @ theta
-    covariance = residual.T @ residual / freedom if freedom > 0 else np.zeros((Z.shape[1], Z.shape[1]))
+    covariance = (
+        residual.T @ residual / freedom if freedom > 0 else np.zeros((Z.shape[1], Z.shape[1]))
+    )
     extended = np.column_stack([regressor, np.ones(len(regressor))])
     return AffineModel(
         A=theta[:, :n].T.copy(),
@@ -149,9 +159,8 @@ def samples(history: History) -> tuple[Array, Array]:
 def is_observable(A: Array, C: Array) -> bool:
     """Popov-Belevitch-Hautus test: [λI - A; C] has rank n at every eigenvalue λ of A.
 
-    A is balanced by a diagonal scaling of the states and the rows of C are brought to one size, so that units do not
-    decide.
-    """
+    A is balanced by a diagonal scaling of the states and the rows of C are brought to one size, so
+    that units do not decide."""
     return len(unobservable_modes(A, C)) == 0
 
 
@@ -164,15 +173,23 @@ def unobservable_modes(A: Array, C: Array) -> NDArray[np.complex128]:
     scale = max(float(np.linalg.norm(A, 2)), 1.0)
     C = np.asarray(C / np.where(rows > 0, rows, 1.0) * scale, dtype=np.float64)
     values = np.linalg.eigvals(A)
-    lost = [np.linalg.svd(np.vstack([z * np.eye(n) - A, C]), compute_uv=False)[-1] <= PBH * scale for z in values]
+    lost = [
+        np.linalg.svd(np.vstack([z * np.eye(n) - A, C]), compute_uv=False)[-1] <= PBH * scale
+        for z in values
+    ]
     return np.asarray(values[np.array(lost, dtype=bool)], dtype=np.complex128)
 
 
 def noise_levels(history: History) -> tuple[Array, Array]:
-    """Standard deviations of the white noise on each channel of x (n,) and y (p,), from fifth differences."""
+    """Standard deviations of the white noise on each channel of x (n,) and y (p,), from fifth
+    differences."""
 
     def level(signals: list[Array]) -> Array:
-        differences = [np.apply_along_axis(np.convolve, 0, s, DIFFERENCE, "valid") for s in signals if len(s) > 5]
+        differences = [
+            np.apply_along_axis(np.convolve, 0, s, DIFFERENCE, "valid")
+            for s in signals
+            if len(s) > 5
+        ]
         if not differences:
             return np.zeros(signals[0].shape[1])
         return np.asarray(np.sqrt(np.mean(np.concatenate(differences) ** 2, axis=0) / 252.0))
@@ -200,7 +217,8 @@ def _least_squares(X: Array, Z: Array, history: History) -> Array:
 
 
 def _total_least_squares(X: Array, Z: Array, history: History) -> Array:
-    """From the null space of the scaled, centred [X Z]; centring has taken care of the exact ones column."""
+    """From the null space of the scaled, centred [X Z]; centring has taken care of the exact ones
+    column."""
     n = X.shape[1]
     noise_x, noise_y = noise_levels(history)
     noise = np.concatenate([noise_x, noise_x, noise_y])

@@ -1,13 +1,14 @@
 """Pole placement from data: Algorithm 2 of Liu et al. 2026 as printed, with its limits stated.
 
-The algorithm looks for a gain L with the poles of A_L = A + L C in a region, for the weights ρ0 = 6 λmax(A_LᵀA_L) and
-μ0 = 6 λmax(LᵀL) of (24). It works on the dual system x⁺ = Aᵀx + Cᵀu through "dual data" (45), pseudo-inverses of the
-recorded differences (46), whose rank condition (44) contradicts itself: noise-free data of an autonomous system have
-[X1; Y0] = [A; C] X0 of rank at most n, never n + p. Only noise or nonlinearity fills the rank, and then shapes the
-result: with 2n + p or more noisy columns X0dl, U0dl and X1dl have independent rows, the programme can have X1dl X = 0
-and U0dl X = 0, and its optimum is A_L = 0, L = 0 whatever the system is, so that ρ0 and μ0 are the solver's rounding.
-So every number is computed twice: as printed, and with the same gain in an identified (or given) (A, C).
-"""
+The algorithm looks for a gain L with the poles of A_L = A + L C in a region, for the weights ρ0 = 6
+λmax(A_LᵀA_L) and μ0 = 6 λmax(LᵀL) of (24). It works on the dual system x⁺ = Aᵀx + Cᵀu through "dual
+data" (45), pseudo-inverses of the recorded differences (46), whose rank condition (44) contradicts
+itself: noise-free data of an autonomous system have [X1; Y0] = [A; C] X0 of rank at most n, never n
++ p. Only noise or nonlinearity fills the rank, and then shapes the result: with 2n + p or more
+noisy columns X0dl, U0dl and X1dl have independent rows, the programme can have X1dl X = 0 and U0dl
+X = 0, and its optimum is A_L = 0, L = 0 whatever the system is, so that ρ0 and μ0 are the solver's
+rounding. So every number is computed twice: as printed, and with the same gain in an identified (or
+given) (A, C)."""
 
 from __future__ import annotations
 
@@ -35,7 +36,8 @@ MARGIN = 1e-6
 """≻ 0 is asked for as ⪰ MARGIN·I: the blocks are of size 1, since (51c) makes X0dl X ≻ I."""
 EPS = float(np.finfo(float).eps)
 MARGIN_ROUNDING = 4.0
-"""Rounding counts this many times: an output made by several operations is off by more than its last digit."""
+"""Rounding counts this many times: an output made by several operations is off by more than its
+last digit."""
 MOST_ATTEMPTS = 1000
 """Radii that Algorithm 2 may be made to try."""
 AGREEMENT = 0.05
@@ -61,13 +63,15 @@ class PolePlacement:
     attempts: int
     """Regions that were to be tried."""
     singular_values: Array
-    """Of [X1; Y0] (46), largest first, each channel divided by its rms; of [A; C] where that was given."""
+    """Of [X1; Y0] (46), largest first, each channel divided by its rms; of [A; C] where that was
+    given."""
     rank: int
     """Numerical rank behind the pseudo-inverse; (44) asks for n + p."""
     required_rank: int
     """n + p."""
     arbitrary: bool
-    """Whether the dual data have independent rows: then A_L = 0, L = 0 solves the programme for any system."""
+    """Whether the dual data have independent rows: then A_L = 0, L = 0 solves the programme for any
+    system."""
     rho0_identified: float
     """ρ0 with the gain in the identified or given (A, C); inf without a gain."""
     poles_identified: NDArray[np.complex128]
@@ -90,7 +94,10 @@ class PolePlacement:
     @property
     def agree(self) -> bool:
         """Whether both ways give the same ρ0 to 5 %."""
-        return self.gain is not None and abs(self.rho0 - self.rho0_identified) <= AGREEMENT * self.rho0_identified
+        return (
+            self.gain is not None
+            and abs(self.rho0 - self.rho0_identified) <= AGREEMENT * self.rho0_identified
+        )
 
     @property
     def mu0_identified(self) -> float:
@@ -157,15 +164,16 @@ def pole_placement(
     step: float = 0.5,
     attempts: int = 6,
 ) -> PolePlacement:
-    """Algorithm 2: the semidefinite programme (56) with (51b), (51c), (54), (55b), (55c), and its verdict.
+    """Algorithm 2: the semidefinite programme (56) with (51b), (51c), (54), (55b), (55c), and its
+    verdict.
 
     Parameters
     ----------
     history : History
         The recording.
     radius : float in (0, 1)
-        Radius of the disc (54) for the poles; multiplied by `step` while the programme is infeasible or ρ0 ≥ 1
-        (Remark 6).
+        Radius of the disc (54) for the poles; multiplied by `step` while the programme is
+        infeasible or ρ0 ≥ 1 (Remark 6).
     A, C : arrays (n, n), (p, n)
         A known system instead of a recording.
     Q, R : arrays (n, n), (p, p), symmetric positive definite
@@ -188,14 +196,18 @@ def pole_placement(
         check_number(name, value, "a number in (0, 1)", lambda share: 0 < share < 1)
     check_whole("attempts", attempts, 1, MOST_ATTEMPTS, f"at least 1 and at most {MOST_ATTEMPTS}")
     if region is not None and not isinstance(region, Region):
-        raise DdmheError(f"region: expected a Disc, a HalfPlane or a Cone, found {type(region).__name__}")
+        raise DdmheError(
+            f"region: expected a Disc, a HalfPlane or a Cone, found {type(region).__name__}"
+        )
     data, model = _source(history, A, C)
     n, p = data.X0.shape[0], data.U0.shape[0]
     weights = _definite("Q", Q, n), _definite("R", R, p)
     regions = [region] if region is not None else [Disc(radius * step**k) for k in range(attempts)]
     lost = unobservable_modes(model.A, model.C)
     if len(lost):
-        raise InfeasibleError(f"A, C: expected an observable pair, found a mode {lost[0]:.6g} that no output shows")
+        raise InfeasibleError(
+            f"A, C: expected an observable pair, found a mode {lost[0]:.6g} that no output shows"
+        )
     last: tuple[Region, _Solution | None] = (regions[0], None)
     for tried in regions:
         solution = _programme(data, tried, *weights)
@@ -211,7 +223,8 @@ def pole_placement(
 
 @dataclass(frozen=True, eq=False)
 class _DualData:
-    """X0dl (n, K), U0dl (p, K), X1dl (n, K) of (45), with K reduced to the row space that they span."""
+    """X0dl (n, K), U0dl (p, K), X1dl (n, K) of (45), with K reduced to the row space that they
+    span."""
 
     X0: Array
     U0: Array
@@ -222,19 +235,34 @@ class _DualData:
     """Whether the rows are independent: then the programme is solved by A_L = 0, L = 0."""
 
 
-def _source(history: History | None, A: ArrayLike | None, C: ArrayLike | None) -> tuple[_DualData, AffineModel]:
+def _source(
+    history: History | None, A: ArrayLike | None, C: ArrayLike | None
+) -> tuple[_DualData, AffineModel]:
     given = recording_or_system(history, A, C)
     if isinstance(given, History):
         return _dual_data(given), identify(given)
     A_, C_ = given
     n, p = len(A_), len(C_)
-    # n + p experiments on the dual system x⁺ = Aᵀx + Cᵀu, one from each unit vector of (x, u), tell all of it.
+    # n + p experiments on the dual system x⁺ = Aᵀx + Cᵀu, one from each unit vector of (x, u), tell
+    # all of it.
     both = np.vstack([A_, C_])
     data = _DualData(
-        np.eye(n, n + p), np.eye(p, n + p, n), both.T, np.asarray(np.linalg.svd(both, compute_uv=False)), n + p
+        np.eye(n, n + p),
+        np.eye(p, n + p, n),
+        both.T,
+        np.asarray(np.linalg.svd(both, compute_uv=False)),
+        n + p,
     )
     model = AffineModel(
-        A_, np.zeros(n), C_, np.zeros(p), 1.0, np.zeros((n + p, n + p)), np.eye(n + 1), 0, "least squares"
+        A_,
+        np.zeros(n),
+        C_,
+        np.zeros(p),
+        1.0,
+        np.zeros((n + p, n + p)),
+        np.eye(n + 1),
+        0,
+        "least squares",
     )
     return data, model
 
@@ -245,7 +273,9 @@ def _dual_data(history: History) -> _DualData:
     parts = [(np.diff(x, axis=0), np.diff(y, axis=0)) for x, y in history.recordings if len(y) > 1]
     columns = sum(len(dy) for _, dy in parts)
     if columns < n + p:
-        raise RankError(f"history: expected at least n + p + 1 = {n + p + 1} outputs, found {columns + 1}")
+        raise RankError(
+            f"history: expected at least n + p + 1 = {n + p + 1} outputs, found {columns + 1}"
+        )
     X0 = np.concatenate([dx[: len(dy)] for dx, dy in parts]).T
     X1 = np.concatenate([dx[1 : len(dy) + 1] for dx, dy in parts]).T
     Y0 = np.concatenate([dy for _, dy in parts]).T
@@ -254,27 +284,34 @@ def _dual_data(history: History) -> _DualData:
     size = np.sqrt(np.mean(both**2, axis=1, keepdims=True))
     size = np.where(size > 0, size, 1.0)
     U, sigma, Vt = np.linalg.svd(both / size, full_matrices=False)
-    rank = int(np.sum(sigma > max(_rounding(history, size, columns), max(both.shape) * EPS * sigma[0])))
+    rank = int(
+        np.sum(sigma > max(_rounding(history, size, columns), max(both.shape) * EPS * sigma[0]))
+    )
     # The pseudo-inverse of the unscaled data on the directions that are kept.
     inverse = np.linalg.pinv(size * (U[:, :rank] * sigma[:rank])) if rank else np.zeros((0, n + p))
     dual = (Vt[:rank].T @ inverse).T  # (n+p) x K, [X0dl; U0dl] = [X1ᵀ Y0ᵀ]†
     X1dl = np.linalg.pinv(X0.T)
-    # X (K x n) enters through X0dl X, U0dl X, X1dl X only: its part outside of their row space is idle.
+    # X (K x n) enters through X0dl X, U0dl X, X1dl X only: its part outside of their row space is
+    # idle.
     stack = np.vstack([dual, X1dl])
     scale = np.linalg.norm(stack, axis=1, keepdims=True)
     _, values, rows = np.linalg.svd(stack / np.where(scale > 0, scale, 1.0), full_matrices=False)
     basis = rows[values > 1e-12 * values[0]].T
     reduced = stack @ basis
-    return _DualData(reduced[:n], reduced[n : n + p], reduced[n + p :], sigma, rank, basis.shape[1] == 2 * n + p)
+    return _DualData(
+        reduced[:n], reduced[n : n + p], reduced[n + p :], sigma, rank, basis.shape[1] == 2 * n + p
+    )
 
 
 def _rounding(history: History, size: Array, columns: int) -> float:
     """Singular values of [X1; Y0]/size below this may be rounding.
 
-    A sample is off by eps times its channel's largest, a difference of two by twice that, and singular values move by
-    no more than the Frobenius norm. The margin is for outputs that were computed in several operations.
-    """
-    largest = [np.concatenate([np.abs(r[k]) for r in history.recordings]).max(axis=0) for k in (0, 1)]
+    A sample is off by eps times its channel's largest, a difference of two by twice that, and
+    singular values move by no more than the Frobenius norm. The margin is for outputs that were
+    computed in several operations."""
+    largest = [
+        np.concatenate([np.abs(r[k]) for r in history.recordings]).max(axis=0) for k in (0, 1)
+    ]
     error = 2 * EPS * np.concatenate(largest) / size[:, 0]
     return MARGIN_ROUNDING * math.sqrt(columns * float(error @ error))
 
@@ -289,7 +326,9 @@ def _definite(name: str, matrix: ArrayLike | None, size: int) -> Array:
         raise DdmheError(f"{name}: expected a symmetric matrix, found one that is not")
     smallest = float(np.linalg.eigvalsh(M)[0])
     if smallest <= 0:
-        raise DdmheError(f"{name}: expected a positive definite matrix, found smallest eigenvalue {smallest:.4g}")
+        raise DdmheError(
+            f"{name}: expected a positive definite matrix, found smallest eigenvalue {smallest:.4g}"
+        )
     return M
 
 
@@ -314,9 +353,9 @@ class _Solution:
 def _programme(data: _DualData, region: Region, Q: Array, R: Array) -> _Solution | None:
     """(56); None if it has no solution whose poles lie in the region.
 
-    The blocks are Lyapunov inequalities only for a symmetric X0dl X, which (55b) merely favours through β. Where the
-    asymmetry that is left puts a pole outside, the programme is solved again with X0dl X symmetric (β = 0).
-    """
+    The blocks are Lyapunov inequalities only for a symmetric X0dl X, which (55b) merely favours
+    through β. Where the asymmetry that is left puts a pole outside, the programme is solved again
+    with X0dl X symmetric (β = 0)."""
     for symmetric in (False, True):
         solution = _solve(data, region, Q, R, symmetric)
         if solution is not None and _contains(region, solution.A_L):
@@ -324,7 +363,9 @@ def _programme(data: _DualData, region: Region, Q: Array, R: Array) -> _Solution
     return None
 
 
-def _solve(data: _DualData, region: Region, Q: Array, R: Array, symmetric: bool) -> _Solution | None:
+def _solve(
+    data: _DualData, region: Region, Q: Array, R: Array, symmetric: bool
+) -> _Solution | None:
     """One solution of (56), unchecked; None if the solver finds no point."""
     import cvxpy as cp
 
@@ -354,7 +395,11 @@ def _solve(data: _DualData, region: Region, Q: Array, R: Array, symmetric: bool)
         return None
     inverse = np.linalg.inv(S_)
     A_L, gain = (Y_ @ inverse).T, (U_ @ inverse).T  # (53)
-    return _Solution(gain, A_L, float(beta.value)) if np.isfinite(A_L).all() and np.isfinite(gain).all() else None
+    return (
+        _Solution(gain, A_L, float(beta.value))
+        if np.isfinite(A_L).all() and np.isfinite(gain).all()
+        else None
+    )
 
 
 def _positive(A: Any, B: Any, D: Any) -> Any:
@@ -372,14 +417,18 @@ def _inside(region: Region, S: Any, Y: Any) -> Any:
     L, M = region.matrices()
     n, size = S.shape[0], len(L)
     H = 0.5 * (S + S.T)
-    block = cp.bmat([[L[i, j] * H + M[i, j] * Y + M[j, i] * Y.T for j in range(size)] for i in range(size)])
+    block = cp.bmat(
+        [[L[i, j] * H + M[i, j] * Y + M[j, i] * Y.T for j in range(size)] for i in range(size)]
+    )
     return 0.5 * (block + block.T) << -MARGIN * np.eye(n * size)
 
 
 def _contains(region: Region, A_L: Array) -> bool:
     """Whether all eigenvalues lie in the region, up to rounding."""
     L, M = region.matrices()
-    return all(np.linalg.eigvalsh(L + z * M + np.conj(z) * M.T)[-1] <= 1e-7 for z in np.linalg.eigvals(A_L))
+    return all(
+        np.linalg.eigvalsh(L + z * M + np.conj(z) * M.T)[-1] <= 1e-7 for z in np.linalg.eigvals(A_L)
+    )
 
 
 # --- the verdict
@@ -394,7 +443,9 @@ def _verdict(
         gain=solution.gain if solution else None,
         rho0=solution.rho0 if solution else math.inf,
         mu0=solution.mu0 if solution else math.inf,
-        poles=np.linalg.eigvals(solution.A_L).astype(np.complex128) if solution else np.empty(0, dtype=np.complex128),
+        poles=np.linalg.eigvals(solution.A_L).astype(np.complex128)
+        if solution
+        else np.empty(0, dtype=np.complex128),
         beta=solution.beta if solution else math.inf,
         region=region,
         attempts=attempts,

@@ -1,4 +1,5 @@
-"""LMI regions of the complex plane: {z : L + z M + z̄ Mᵀ ≺ 0} (Chilali, Gahinet 1996; Liu et al. 2026, Definition 3)."""
+"""LMI regions of the complex plane: {z : L + z M + z̄ Mᵀ ≺ 0} (Chilali, Gahinet 1996; Liu et al.
+2026, Definition 3)."""
 
 from __future__ import annotations
 
@@ -17,7 +18,8 @@ __all__ = ["Cone", "Disc", "HalfPlane", "Region"]
 
 @dataclass(frozen=True)
 class Disc:
-    """|z - centre| < radius, the centre on the real axis. With centre 0 this is the disc of (54)."""
+    """|z - centre| < radius, the centre on the real axis. With centre 0 this is the disc of
+    (54)."""
 
     radius: float
     centre: float = 0.0
@@ -53,7 +55,8 @@ class HalfPlane:
 
 @dataclass(frozen=True)
 class Cone:
-    """|arg(z - apex)| < angle about the positive real axis, or about the negative one without `right`; angle in rad."""
+    """|arg(z - apex)| < angle about the positive real axis, or about the negative one without
+    `right`; angle in rad."""
 
     angle: float
     apex: float = 0.0
@@ -61,7 +64,9 @@ class Cone:
 
     def __post_init__(self) -> None:
         """Check the fields."""
-        check_number("angle", self.angle, "an angle in (0, pi/2)", lambda angle: 0 < angle < math.pi / 2)
+        check_number(
+            "angle", self.angle, "an angle in (0, pi/2)", lambda angle: 0 < angle < math.pi / 2
+        )
         check_number("apex", self.apex, "a finite number", lambda _: True)
         check_flag("right", self.right)
 

@@ -9,7 +9,8 @@ __all__ = ["solve"]
 
 
 def solve(problem: Any) -> bool:
-    """Whether Clarabel found a point of the cvxpy problem; what it is worth is for eigenvalues to say."""
+    """Whether Clarabel found a point of the cvxpy problem; what it is worth is for eigenvalues to
+    say."""
     import cvxpy as cp
 
     try:

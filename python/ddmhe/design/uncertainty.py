@@ -1,14 +1,15 @@
 """Every system that a noisy recording allows, as an ellipsoid of matrices.
 
-With Z = [A e; C r], a recording D = [X1; Y0; X0; 1] (samples as columns) of x(k+1), y(k), x(k) and 1 obeys
-[I -Z](D - E) = 0 for its errors E. If EEᵀ ⪯ Θ = diag(Θ1, Θ0), then [I -Z](DDᵀ - Θ)[I -Z]ᵀ ⪯ 0, a quadratic matrix
-inequality in Z as in van Waarde, Camlibel, Mesbahi 2022 (for measurement errors: Bisoffi, Li, De Persis, Monshizadeh
-2024). With D1 = [X1; Y0], D0 = [X0; 1], G = D0D0ᵀ - Θ0 ≻ 0 and Z_c = D1D0ᵀG⁻¹, completing the square gives
+With Z = [A e; C r], a recording D = [X1; Y0; X0; 1] (samples as columns) of x(k+1), y(k), x(k) and
+1 obeys [I -Z](D - E) = 0 for its errors E. If EEᵀ ⪯ Θ = diag(Θ1, Θ0), then [I -Z](DDᵀ - Θ)[I -Z]ᵀ ⪯
+0, a quadratic matrix inequality in Z as in van Waarde, Camlibel, Mesbahi 2022 (for measurement
+errors: Bisoffi, Li, De Persis, Monshizadeh 2024). With D1 = [X1; Y0], D0 = [X0; 1], G = D0D0ᵀ - Θ0
+≻ 0 and Z_c = D1D0ᵀG⁻¹, completing the square gives
 
     (Z - Z_c) G (Z - Z_c)ᵀ ⪯ Δ = Z_c G Z_cᵀ - D1D1ᵀ + Θ1.
 
-Without e and r: K = [A; C] - [A_c; C_c] obeys K H Kᵀ ⪯ Δ, H the Schur complement of the ones row in G.
-"""
+Without e and r: K = [A; C] - [A_c; C_c] obeys K H Kᵀ ⪯ Δ, H the Schur complement of the ones row in
+G."""
 
 from __future__ import annotations
 
@@ -32,9 +33,8 @@ __all__ = ["ConsistentSet", "RecordingNoise", "consistent_set"]
 class RecordingNoise:
     """How wrong the recording may be.
 
-    "bounded": Euclidean norms that no sample's error exceeds. "gaussian": standard deviations per channel of
-    white noise; what follows from them then holds with probability `confidence`.
-    """
+    "bounded": Euclidean norms that no sample's error exceeds. "gaussian": standard deviations per
+    channel of white noise; what follows from them then holds with probability `confidence`."""
 
     x: float = 0.0
     """Errors of the recorded states, in their unit."""
@@ -48,17 +48,24 @@ class RecordingNoise:
     def __post_init__(self) -> None:
         """Check the sizes."""
         for name in ("x", "y", "w"):
-            check_number("noise", getattr(self, name), f"a finite {name} of at least 0", lambda size: size >= 0)
+            check_number(
+                "noise",
+                getattr(self, name),
+                f"a finite {name} of at least 0",
+                lambda size: size >= 0,
+            )
         choice("noise", self.kind, ("bounded", "gaussian"))
-        check_number("noise", self.confidence, "a confidence in (0, 1)", lambda value: 0 < value < 1)
+        check_number(
+            "noise", self.confidence, "a confidence in (0, 1)", lambda value: 0 < value < 1
+        )
 
     def energy(self, n: int, p: int, T: int) -> tuple[float, float, float]:
         """θ of the blocks x(k+1), y(k), x(k) with EEᵀ ⪯ diag(θ I) over T samples.
 
-        Bounded: a column of k blocks b_i is outer-bounded by k diag(b_i b_iᵀ). Gaussian: consecutive samples share an
-        error of the state, so even and odd samples are taken apart; each half is a standard Gaussian matrix (2n+p) x
-        T/2 of norm at most √(T/2) + √(2n+p) + t with probability 1 - exp(-t²/2) (Davidson, Szarek 2001).
-        """
+        Bounded: a column of k blocks b_i is outer-bounded by k diag(b_i b_iᵀ). Gaussian:
+        consecutive samples share an error of the state, so even and odd samples are taken apart;
+        each half is a standard Gaussian matrix (2n+p) x T/2 of norm at most √(T/2) + √(2n+p) + t
+        with probability 1 - exp(-t²/2) (Davidson, Szarek 2001)."""
         if self.kind == "gaussian":
             t = math.sqrt(2 * math.log(2 / (1 - self.confidence)))
             norm = (math.sqrt(T + 1) + math.sqrt(2 * (2 * n + p)) + math.sqrt(2) * t) ** 2
@@ -99,16 +106,17 @@ class ConsistentSet:
 def consistent_set(history: History, noise: RecordingNoise) -> ConsistentSet:
     """The systems that a recording with errors of the stated size allows.
 
-    Raises RankError when the noise hides the recorded motion (G is not positive definite) and DdmheError when no
-    system fits, which means that the stated noise is smaller than the recording's.
-    """
+    Raises RankError when the noise hides the recorded motion (G is not positive definite) and
+    DdmheError when no system fits, which means that the stated noise is smaller than the
+    recording's."""
     check_history(history)
     check_kind("noise", noise, RecordingNoise, "a RecordingNoise")
     n, p = history.n, history.p
     X, Z = samples(history)
     mean_x, mean_z = X.mean(0), Z.mean(0)
     theta_1, theta_y, theta_0 = noise.energy(n, p, len(X) + len(history.recordings) - 1)
-    # The ones row has no error, so that centring is exact: H, [A_c; C_c] and Δ follow from the deviations alone.
+    # The ones row has no error, so that centring is exact: H, [A_c; C_c] and Δ follow from the
+    # deviations alone.
     X, Z = X - mean_x, Z - mean_z
     H = X.T @ X - theta_0 * np.eye(n)
     smallest = float(np.linalg.eigvalsh(H)[0])
@@ -133,7 +141,10 @@ def consistent_set(history: History, noise: RecordingNoise) -> ConsistentSet:
     inverse = np.linalg.inv(H)
     inverse = 0.5 * (inverse + inverse.T)
     metric = np.block(
-        [[inverse, -(inverse @ mean_x)[:, None]], [-(inverse @ mean_x)[None], mean_x @ inverse @ mean_x + 1 / len(X)]]
+        [
+            [inverse, -(inverse @ mean_x)[:, None]],
+            [-(inverse @ mean_x)[None], mean_x @ inverse @ mean_x + 1 / len(X)],
+        ]
     )
     root = vectors * np.sqrt(np.maximum(values, 0.0))
     return ConsistentSet(centre[:n], offset[:n], centre[n:], offset[n:], root, metric)

@@ -1,12 +1,14 @@
-"""A guaranteed interval from a recording alone: every system that it allows, as rotated boxes of parameters.
+"""A guaranteed interval from a recording alone: every system that it allows, as rotated boxes of
+parameters.
 
-The recording's rows obey x(k+1) = A x(k) + e + w(k), y(k) = C x(k) + r + v(k) with |w| <= w_radius, |v| <= v_radius.
-For each row θ = (A_i, e_i) or (C_i, r_i) it leaves the polytope {θ : |target(k) - θ·(x(k), 1)| <= radius for all k}.
-That is enclosed by a box along the principal axes of the recorded (x, 1), each side found by two linear programmes: a
-matrix zonotope with n + 1 generators a row. The idea is that of A. Alanwar, A. Koch, F. Allgöwer, K. H. Johansson
-("Data-driven reachability analysis from noisy data", 2023) and their set-based estimation, with the polytope's own
-extents in the place of their n T generators. What the programmes return is widened by what their tolerance can move it.
-"""
+The recording's rows obey x(k+1) = A x(k) + e + w(k), y(k) = C x(k) + r + v(k) with |w| <= w_radius,
+|v| <= v_radius. For each row θ = (A_i, e_i) or (C_i, r_i) it leaves the polytope {θ : |target(k) -
+θ·(x(k), 1)| <= radius for all k}. That is enclosed by a box along the principal axes of the
+recorded (x, 1), each side found by two linear programmes: a matrix zonotope with n + 1 generators a
+row. The idea is that of A. Alanwar, A. Koch, F. Allgöwer, K. H. Johansson ("Data-driven
+reachability analysis from noisy data", 2023) and their set-based estimation, with the polytope's
+own extents in the place of their n T generators. What the programmes return is widened by what
+their tolerance can move it."""
 
 from __future__ import annotations
 
@@ -32,7 +34,8 @@ Array = NDArray[np.float64]
 __all__ = ["DataModel", "from_history", "smallest_radii"]
 
 TOLERANCE = 1e-7
-"""What a linear programme may be off by, relative to the noise bound: HiGHS keeps its constraints to 1e-7."""
+"""What a linear programme may be off by, relative to the noise bound: HiGHS keeps its constraints
+to 1e-7."""
 LARGEST = 1e150
 """Recorded numbers beyond it have no deviation within floats."""
 
@@ -44,7 +47,8 @@ class DataModel:
     system: System
     """Middle of the rows, with what they may be off by inside."""
     design: ObserverDesign
-    """A gain for the middle: steady Kalman filter with the radii as deviations. No peak-to-peak bound."""
+    """A gain for the middle: steady Kalman filter with the radii as deviations. No peak-to-peak
+    bound."""
     w_radius: Array
     """(n,)"""
     v_radius: Array
@@ -52,13 +56,15 @@ class DataModel:
     x_last: Array
     """Last recorded state (n,)."""
     spread: Array
-    """Widest side of each row's parameter box, in units of the output per standard deviation of the states (n+p,)."""
+    """Widest side of each row's parameter box, in units of the output per standard deviation of the
+    states (n+p,)."""
     lower: Array
     """Smallest recorded state (n,)."""
     upper: Array
     """Largest recorded state (n,)."""
     w_least: Array
-    """(n,): the smallest w_radius that an affine system satisfies on the recording, entry by entry."""
+    """(n,): the smallest w_radius that an affine system satisfies on the recording, entry by
+    entry."""
     v_least: Array
     """(p,): likewise v_radius."""
 
@@ -82,20 +88,24 @@ class DataModel:
     def observer(
         self, x0_center: ArrayLike | None = None, x0_radius: ArrayLike = 0.0, **options: Any
     ) -> IntervalObserver:
-        """An observer that starts at x0_center ± x0_radius; default the last recorded state, exactly known.
+        """An observer that starts at x0_center ± x0_radius; default the last recorded state,
+        exactly known.
 
         `options` are those of IntervalObserver: order, method, reduction.
         """
         center = self.x_last if x0_center is None else x0_center
-        return IntervalObserver(self.system, self.design, center, x0_radius, self.w_radius, self.v_radius, **options)
+        return IntervalObserver(
+            self.system, self.design, center, x0_radius, self.w_radius, self.v_radius, **options
+        )
 
 
 def smallest_radii(history: History) -> tuple[Array, Array]:
-    """The smallest w_radius (n,) and v_radius (p,) that an affine system satisfies on a recording, entry by entry.
+    """The smallest w_radius (n,) and v_radius (p,) that an affine system satisfies on a recording,
+    entry by entry.
 
-    Of row i it is the Chebyshev fit min_θ max_k |target_i(k) - θ·(x(k), 1)|: each its own linear programme, so no entry
-    can be traded for another. It is below the true system's bound, which the recording need not reach: take more, for
-    instance 1.1 times as much.
+    Of row i it is the Chebyshev fit min_θ max_k |target_i(k) - θ·(x(k), 1)|: each its own linear
+    programme, so no entry can be traded for another. It is below the true system's bound, which the
+    recording need not reach: take more, for instance 1.1 times as much.
 
     Raises
     ------
@@ -123,8 +133,9 @@ def from_history(
     history : History
         At least n + 1 samples whose (x, 1) are independent.
     w_radius, v_radius : (n,), (p,), scalars or "auto"
-        Bounds on |x(k+1) - A x(k) - e| and |y(k) - C x(k) - r| of the true system, in the recording and from then on.
-        "auto": `kappa` times the `smallest_radii`, a guess that the recording cannot confirm.
+        Bounds on |x(k+1) - A x(k) - e| and |y(k) - C x(k) - r| of the true system, in the recording
+        and from then on. "auto": `kappa` times the `smallest_radii`, a guess that the recording
+        cannot confirm.
     gain : (n, p), optional
         L; default that of a steady Kalman filter for the middle of the parameter boxes.
     kappa : float
@@ -135,7 +146,8 @@ def from_history(
     Raises
     ------
     ModelViolationError
-        No system agrees with the recording within these bounds: they are too small. The message has the smallest.
+        No system agrees with the recording within these bounds: they are too small. The message has
+        the smallest.
     RankError, ShapeError, DdmheError
         Too little data, wrong arguments.
     """
@@ -143,11 +155,16 @@ def from_history(
     n, p = history.n, history.p
     check_number("kappa", kappa, "a number of at least 1", lambda v: 1 <= v < np.inf)
     X0 = raw[:, :n]
-    called = ([f"x{i + 1}" for i in range(n)], [f"y{i + 1}" for i in range(p)]) if names is None else names
+    called = (
+        ([f"x{i + 1}" for i in range(n)], [f"y{i + 1}" for i in range(p)])
+        if names is None
+        else names
+    )
     least = smallest_radii(history)
     arguments = (("w_radius", w_radius), ("v_radius", v_radius))
     w, v = (
-        _admitted(name, value, low, kappa, of) for (name, value), low, of in zip(arguments, least, called, strict=True)
+        _admitted(name, value, low, kappa, of)
+        for (name, value), low, of in zip(arguments, least, called, strict=True)
     )
     rows, centers, spread = [], [], []
     for i, (target, radius) in enumerate(zip(targets.T, np.concatenate([w, v]), strict=True)):
@@ -155,7 +172,8 @@ def from_history(
         low, high = _extent(U, target, float(radius), row, argument)
         with np.errstate(over="ignore", invalid="ignore"):
             center = to_theta @ (0.5 * (low + high))
-            # the residual that the rounded center leaves joins the box: β off by at most its projection
+            # the residual that the rounded center leaves joins the box: β off by at most its
+            # projection
             lost = np.abs(U.T @ (raw @ center - U @ (0.5 * (low + high)))).max()
             side = 0.5 * (high - low) + lost + 1e-12 * np.abs(0.5 * (low + high))
             box = (to_theta * side).T.ravel()
@@ -174,18 +192,23 @@ def from_history(
     system = System(A, C, np.eye(n), np.eye(p), None, None, -bound, bound, r=r, kind=kind)
     design = fixed_gain(system, steady_gain(A, C, w, v) if gain is None else gain)
     x_last = history.recordings[-1][0][-1]
-    return DataModel(system, design, w, v, x_last, np.array(spread), X0.min(axis=0), X0.max(axis=0), *least)
+    return DataModel(
+        system, design, w, v, x_last, np.array(spread), X0.min(axis=0), X0.max(axis=0), *least
+    )
 
 
 def _orthonormal(history: History) -> tuple[Array, Array, Array, Array]:
-    """U (T, n+1) with orthonormal columns that span (x, 1), the T with θ = T β for θ·(x, 1) = β·U, (x, 1), targets."""
+    """U (T, n+1) with orthonormal columns that span (x, 1), the T with θ = T β for θ·(x, 1) = β·U,
+    (x, 1), targets."""
     if not isinstance(history, History):
         raise DdmheError(f"history: expected a History, found {type(history).__name__}")
     n = history.n
     X0, targets = samples(history)
     largest = max(float(np.abs(X0).max()), float(np.abs(targets).max()))
     if largest > LARGEST:
-        raise DdmheError(f"history: expected numbers below {LARGEST:g}, found {largest:g}; use another unit")
+        raise DdmheError(
+            f"history: expected numbers below {LARGEST:g}, found {largest:g}; use another unit"
+        )
     raw = np.hstack([X0, np.ones((len(X0), 1))])
     middle, half = X0.mean(axis=0), np.maximum(X0.std(axis=0), 1e-300)
     U, s, Vt = scipy.linalg.svd(np.hstack([(X0 - middle) / half, raw[:, n:]]), full_matrices=False)
@@ -212,8 +235,14 @@ def _chebyshev(U: Array, target: Array) -> float:
     ones = np.ones((len(U), 1))
     rows = np.block([[U, -ones], [-U, -ones]])
     cost = np.append(np.zeros(m), 1.0)
-    found = _programme(cost, rows, np.concatenate([residual, -residual]) / scale, [(None, None)] * m + [(0, 1)])
-    return scale * min(1.0, float(np.abs(residual / scale - U @ found.x[:m]).max())) if found.status == 0 else scale
+    found = _programme(
+        cost, rows, np.concatenate([residual, -residual]) / scale, [(None, None)] * m + [(0, 1)]
+    )
+    return (
+        scale * min(1.0, float(np.abs(residual / scale - U @ found.x[:m]).max()))
+        if found.status == 0
+        else scale
+    )
 
 
 def _programme(cost: Array, rows: Array, limits: Array, bounds: Any) -> Any:
@@ -223,7 +252,9 @@ def _programme(cost: Array, rows: Array, limits: Array, bounds: Any) -> Any:
             warnings.simplefilter("ignore")
             return scipy.optimize.linprog(cost, rows, limits, bounds=bounds, method="highs")
     except (ValueError, ArithmeticError, np.linalg.LinAlgError) as e:
-        raise DdmheError(f"history: expected numbers that a linear programme can take, found: {e}") from e
+        raise DdmheError(
+            f"history: expected numbers that a linear programme can take, found: {e}"
+        ) from e
 
 
 def _admitted(argument: str, value: Any, least: Array, kappa: float, names: Sequence[str]) -> Array:
@@ -237,7 +268,9 @@ def _admitted(argument: str, value: Any, least: Array, kappa: float, names: Sequ
     radius = radius_of(argument, value, len(least))
     # the same smallest radii come out to 1e-7: what the linear programme is solved to
     if (radius < (1 - TOLERANCE) * least).any():
-        smallest = ", ".join(f"{_rounded_up(r)} for {name}" for r, name in zip(least, names, strict=True))
+        smallest = ", ".join(
+            f"{_rounded_up(r)} for {name}" for r, name in zip(least, names, strict=True)
+        )
         raise ModelViolationError(
             f"{argument}: expected a bound that an affine system satisfies on the recording, at least {smallest}, "
             f"found {', '.join(f'{r:g}' for r in np.unique(radius))}"
@@ -248,10 +281,16 @@ def _admitted(argument: str, value: Any, least: Array, kappa: float, names: Sequ
 def _rounded_up(value: float) -> str:
     """Four digits that are not below the value."""
     text = f"{value:.4g}"
-    return text if float(text) >= value else f"{value + 0.6 * 10.0 ** (np.floor(np.log10(value)) - 3):.4g}"
+    return (
+        text
+        if float(text) >= value
+        else f"{value + 0.6 * 10.0 ** (np.floor(np.log10(value)) - 3):.4g}"
+    )
 
 
-def _extent(U: Array, target: Array, radius: float, name: str, argument: str) -> tuple[Array, Array]:
+def _extent(
+    U: Array, target: Array, radius: float, name: str, argument: str
+) -> tuple[Array, Array]:
     """Ends of each β over {β : |target - U β| <= radius}, widened by the solver's tolerance."""
     scale = max(float(radius), 1e-12 * max(float(np.abs(target).max()), 1e-300))
     best = U.T @ target  # least squares: the programme in units of the radius about it
@@ -270,8 +309,11 @@ def _extent(U: Array, target: Array, radius: float, name: str, argument: str) ->
                     f"least squares misses row {name} by up to {np.abs(residual).max() * scale:.3g}"
                 )
             if found.status != 0:
-                raise DdmheError(f"history: expected a bounded set of systems, found that row {name}: {found.message}")
-            # a point with constraints kept to TOLERANCE: the optimum may lie beyond by what the multipliers weigh them
+                raise DdmheError(
+                    f"history: expected a bounded set of systems, found that row {name}: {found.message}"
+                )
+            # a point with constraints kept to TOLERANCE: the optimum may lie beyond by what the
+            # multipliers weigh them
             slack = TOLERANCE * (1.0 + float(np.abs(found.ineqlin.marginals).sum()))
             ends[j] = best[j] + scale * sign * (float(found.fun) - slack)
     return low, high

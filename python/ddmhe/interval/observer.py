@@ -31,15 +31,16 @@ class IntervalObserver:
     order : int
         Generators kept, q >= n.
     method : "tight" or "paper"
-        One interval matrix and a box contracted with the measurements, or (45)-(50) and (59) as printed.
+        One interval matrix and a box contracted with the measurements, or (45)-(50) and (59) as
+        printed.
     reduction : "pca", "girard" or "combastel"
         How "tight" reduces; "paper" has its own.
 
     Raises
     ------
     ShapeError, NotFiniteError, DdmheError
-        Wrong arguments. `step` raises ModelViolationError where a measurement contradicts model and bounds, `run` ends
-        there; the observer is then as before that sample.
+        Wrong arguments. `step` raises ModelViolationError where a measurement contradicts model and
+        bounds, `run` ends there; the observer is then as before that sample.
     """
 
     def __init__(
@@ -56,25 +57,49 @@ class IntervalObserver:
     ) -> None:
         """Check every argument and start at x(0)."""
         if not isinstance(system, System):
-            raise DdmheError(f"system: expected a ddmhe.interval.System, found {type(system).__name__}")
+            raise DdmheError(
+                f"system: expected a ddmhe.interval.System, found {type(system).__name__}"
+            )
         if not isinstance(design, ObserverDesign):
             raise DdmheError(f"design: expected an ObserverDesign, found {type(design).__name__}")
         if design.gain.shape != (system.n, system.p):
             found = f"{design.gain.shape}"
-            raise ShapeError(f"design: expected one for {system.n} states and {system.p} outputs, found a gain {found}")
+            raise ShapeError(
+                f"design: expected one for {system.n} states and {system.p} outputs, found a gain {found}"
+            )
         center = matrix("x0_center", x0_center, (system.n,))
-        parts: dict[str, Any] = {k: getattr(system, k) for k in ("A", "C", "D1", "D2", "j_lo", "j_hi")}
+        parts: dict[str, Any] = {
+            k: getattr(system, k) for k in ("A", "C", "D1", "D2", "j_lo", "j_hi")
+        }
         parts["B"] = np.zeros((system.n, 0)) if system.B is None else system.B
         parts["r"] = system.offset
         parts["w_radius"] = radius_of("w_radius", w_radius, system.D1.shape[1])
         parts["v_radius"] = radius_of("v_radius", v_radius, system.D2.shape[1])
         bound = design.gamma if design.verified else np.inf
-        gain = {"L": design.gain, "P": design.P, "lam": design.lam, "gamma": bound, "weights": design.weights}
+        gain = {
+            "L": design.gain,
+            "P": design.P,
+            "lam": design.lam,
+            "gamma": bound,
+            "weights": design.weights,
+        }
         gain |= {"mu_w": design.mu_w, "mu_v": design.mu_v}
         start = radius_of("x0_radius", x0_radius, system.n)
         self.system, self.design, self.method = system, design, method
-        self._given = (system, design, center, start, parts["w_radius"], parts["v_radius"], order, method, reduction)
-        self._core = ObserverCore(system.kind, parts, gain, center.tolist(), start.tolist(), order, method, reduction)
+        self._given = (
+            system,
+            design,
+            center,
+            start,
+            parts["w_radius"],
+            parts["v_radius"],
+            order,
+            method,
+            reduction,
+        )
+        self._core = ObserverCore(
+            system.kind, parts, gain, center.tolist(), start.tolist(), order, method, reduction
+        )
 
     def __getstate__(self) -> tuple[tuple[Any, ...], bytes]:
         """The arguments, and where the observer stands."""
@@ -87,15 +112,16 @@ class IntervalObserver:
         self._core.resume(present)
 
     def step(self, y: ArrayLike, u: ArrayLike | None = None) -> IntervalEstimate:
-        """Consume y(k) (p,), NaN = not measured, and u(k) (n_u,): bounds of x(k) that use y(k), and of x(k+1)."""
+        """Consume y(k) (p,), NaN = not measured, and u(k) (n_u,): bounds of x(k) that use y(k), and
+        of x(k+1)."""
         return self._core.step(y, self._input(u))
 
     def run(self, Y: ArrayLike, U: ArrayLike | None = None) -> IntervalLog:
         """Consume Y (N, p) and U (N, n_u): the same numbers as N calls of `step`.
 
-        A sample that contradicts model and bounds ends the run: the log then has a row for each sample before it, and
-        its `violation` is the ModelViolationError that `step` raises there (None: the run came to its end).
-        """
+        A sample that contradicts model and bounds ends the run: the log then has a row for each
+        sample before it, and its `violation` is the ModelViolationError that `step` raises there
+        (None: the run came to its end)."""
         return self._core.run(Y, self._input(U))
 
     def reset(self) -> None:
@@ -110,5 +136,9 @@ class IntervalObserver:
     def _input(self, u: ArrayLike | None) -> ArrayLike | None:
         if (u is None) == (self.system.B is None):
             return u
-        expected = "None, for the system has no input" if u is not None else f"{self.system.B.shape[1]} numbers"  # type: ignore[union-attr]
+        expected = (
+            "None, for the system has no input"
+            if u is not None
+            else f"{self.system.B.shape[1]} numbers"
+        )  # type: ignore[union-attr]
         raise ShapeError(f"u: expected {expected}, found {'an array' if u is not None else 'None'}")

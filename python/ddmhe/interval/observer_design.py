@@ -1,14 +1,15 @@
-"""Peak-to-peak design of the observer's gain: (41), (23), (42), and the exact vertex inequality; proved before use.
+"""Peak-to-peak design of the observer's gain: (41), (23), (42), and the exact vertex inequality;
+proved before use.
 
-With V = eᵀPe and e⁺ = (A - LC + J) e + G d, d = (w, v), G = [D1, -L D2], at every vertex J of [j_lo, j_hi]
+With V = eᵀPe and e⁺ = (A - LC + J) e + G d, d = (w, v), G = [D1, -L D2], at every vertex J of
+[j_lo, j_hi]
 
     V⁺ <= (1 - λ) V + γ (‖w‖² + ‖v‖²)                      (41)
     ‖S e‖² <= (μw + μv)(λ V + (μw - γ)‖w‖² + (μv - γ)‖v‖²)    (23)
 
-give ‖S e_k‖² <= (μw + μv)(λ(1-λ)^k V_0 + μw ‖w‖² + μv ‖v‖²), (44) with S = I in the paper. By a Schur complement (41)
-is affine in J, so its vertices suffice ("exact"). The paper's own inequality ("paper") carries f by a multiplier
-instead and gives up a little.
-"""
+give ‖S e_k‖² <= (μw + μv)(λ(1-λ)^k V_0 + μw ‖w‖² + μv ‖v‖²), (44) with S = I in the paper. By a
+Schur complement (41) is affine in J, so its vertices suffice ("exact"). The paper's own inequality
+("paper") carries f by a multiplier instead and gives up a little."""
 
 from __future__ import annotations
 
@@ -54,9 +55,11 @@ class ObserverDesign:
     mu_v: float
     """μv of (23)"""
     verified: bool
-    """Whether eigenvalues confirm (41) at every vertex and (23). Otherwise there is no peak-to-peak bound."""
+    """Whether eigenvalues confirm (41) at every vertex and (23). Otherwise there is no peak-to-peak
+    bound."""
     slack: float
-    """Smallest eigenvalue left over all inequalities, relative to their size; not negative if verified."""
+    """Smallest eigenvalue left over all inequalities, relative to their size; not negative if
+    verified."""
     weights: Array
     """Diagonal of S (n,): the bound is on ‖S e‖."""
     lmi: str
@@ -69,7 +72,11 @@ class ObserverDesign:
 
 
 def design_observer(
-    system: System, lam: float | None = None, *, lmi: Lmi = "exact", weights: ArrayLike | None = None
+    system: System,
+    lam: float | None = None,
+    *,
+    lmi: Lmi = "exact",
+    weights: ArrayLike | None = None,
 ) -> ObserverDesign:
     """The gain that minimises μw + μv, and the proof of its bound.
 
@@ -101,7 +108,9 @@ def design_observer(
         raise DdmheError("j_lo, j_hi: expected finite bounds for a design, found infinite ones")
     free = int((system.j_lo < system.j_hi).sum())
     if 1 << free > MOST:
-        raise DdmheError(f"j_lo, j_hi: expected at most 10 entries that differ ({MOST} vertices), found {free}")
+        raise DdmheError(
+            f"j_lo, j_hi: expected at most 10 entries that differ ({MOST} vertices), found {free}"
+        )
     if lam is not None:
         check_number("lam", lam, "a number in (0, 1)", lambda v: 0 < v < 1)
         return _designed(system, float(lam), lmi, S)
@@ -109,15 +118,19 @@ def design_observer(
 
 
 def fixed_gain(system: System, gain: ArrayLike) -> ObserverDesign:
-    """A gain (n, p) of one's own without a peak-to-peak bound: zonotope and box stay guaranteed, whatever the gain."""
+    """A gain (n, p) of one's own without a peak-to-peak bound: zonotope and box stay guaranteed,
+    whatever the gain."""
     check_kind("system", system, System, "a ddmhe.interval.System")
     L = matrix("gain", gain, (system.n, system.p))
     none = float("inf")
-    return ObserverDesign(L, np.eye(system.n), 0.5, none, none, none, False, none, np.ones(system.n), "given gain")
+    return ObserverDesign(
+        L, np.eye(system.n), 0.5, none, none, none, False, none, np.ones(system.n), "given gain"
+    )
 
 
 def kalman_gain(system: System, w_radius: ArrayLike, v_radius: ArrayLike) -> Array:
-    """Gain (n, p) of the steady Kalman filter at the middle of [j_lo, j_hi], with the radii as standard deviations."""
+    """Gain (n, p) of the steady Kalman filter at the middle of [j_lo, j_hi], with the radii as
+    standard deviations."""
     check_kind("system", system, System, "a ddmhe.interval.System")
     w = radius_of("w_radius", w_radius, system.D1.shape[1])
     v = radius_of("v_radius", v_radius, system.D2.shape[1])
@@ -127,7 +140,9 @@ def kalman_gain(system: System, w_radius: ArrayLike, v_radius: ArrayLike) -> Arr
     return steady_gain(middle, system.C, w, v, system.D1, system.D2)
 
 
-def steady_gain(A: Array, C: Array, w: Array, v: Array, D1: Array | None = None, D2: Array | None = None) -> Array:
+def steady_gain(
+    A: Array, C: Array, w: Array, v: Array, D1: Array | None = None, D2: Array | None = None
+) -> Array:
     """Predictor gain A P Cᵀ (C P Cᵀ + R)⁻¹; a small floor keeps the covariances regular."""
     Q = _covariance(np.eye(len(A)) if D1 is None else D1, w)
     R = _covariance(np.eye(len(C)) if D2 is None else D2, v)
@@ -137,9 +152,13 @@ def steady_gain(A: Array, C: Array, w: Array, v: Array, D1: Array | None = None,
             P = scipy.linalg.solve_discrete_are(A.T, C.T, Q, R)
             gain = np.asarray(A @ P @ C.T @ np.linalg.inv(C @ P @ C.T + R))
     except (np.linalg.LinAlgError, ValueError) as e:
-        raise DdmheError(f"gain: expected a system with a steady Kalman filter, found none ({e}); give a gain") from e
+        raise DdmheError(
+            f"gain: expected a system with a steady Kalman filter, found none ({e}); give a gain"
+        ) from e
     if not np.isfinite(gain).all():
-        raise DdmheError("gain: expected a system with a steady Kalman filter, found one beyond floats; give a gain")
+        raise DdmheError(
+            "gain: expected a system with a steady Kalman filter, found one beyond floats; give a gain"
+        )
     return gain
 
 
@@ -166,8 +185,13 @@ def _searched(system: System, lmi: Lmi, S: Array) -> ObserverDesign:
     if not np.isfinite(costs).any():
         raise InfeasibleError(_advice("any λ", system))
     k = int(np.argmin(costs))
-    ends = grid[max(k - 1, 0)] if k else 1e-3, grid[min(k + 1, len(grid) - 1)] if k + 1 < len(grid) else 0.99
-    scipy.optimize.minimize_scalar(cost, bounds=ends, method="bounded", options={"xatol": 1e-3, "maxiter": 12})
+    ends = (
+        grid[max(k - 1, 0)] if k else 1e-3,
+        grid[min(k + 1, len(grid) - 1)] if k + 1 < len(grid) else 0.99,
+    )
+    scipy.optimize.minimize_scalar(
+        cost, bounds=ends, method="bounded", options={"xatol": 1e-3, "maxiter": 12}
+    )
     return min(found.values(), key=lambda design: design.mu)
 
 
@@ -222,7 +246,9 @@ def _designed(system: System, lam: float, lmi: Lmi, S: Array) -> ObserverDesign:
     L_z = np.linalg.solve(P_z, W.value)
     proved = _smallest_gamma(A - L_z @ C, vertices, np.hstack([D1, -L_z @ D2]), P_z, lam)
     if proved is None:
-        raise InfeasibleError(_advice(f"λ = {lam:g}", system) + " (the solver's answer does not pass the eigenvalues)")
+        raise InfeasibleError(
+            _advice(f"λ = {lam:g}", system) + " (the solver's answer does not pass the eigenvalues)"
+        )
     bound, slack = proved
     mus = [max(float(mu.value), bound) for mu in (mu_w, mu_v)]
     # (23) by its Schur complement: λP >= I/(μw + μv), besides μw, μv >= γ
@@ -233,7 +259,8 @@ def _designed(system: System, lam: float, lmi: Lmi, S: Array) -> ObserverDesign:
 
 
 def _symmetric(lower: list[list[Any]]) -> Any:
-    """The symmetric block matrix whose lower triangle is given; a block may span several columns of zeros."""
+    """The symmetric block matrix whose lower triangle is given; a block may span several columns of
+    zeros."""
     import cvxpy as cp
 
     rows = [cp.hstack(row) for row in lower]
@@ -243,7 +270,9 @@ def _symmetric(lower: list[list[Any]]) -> Any:
     mask = np.zeros((size, size))
     at = 0
     for row in rows:
-        mask[at : at + row.shape[0], at : at + row.shape[0]] = 0.5  # diagonal blocks stand once, are symmetric
+        mask[at : at + row.shape[0], at : at + row.shape[0]] = (
+            0.5  # diagonal blocks stand once, are symmetric
+        )
         mask[at : at + row.shape[0], :at] = 1.0
         at += row.shape[0]
     half = cp.multiply(mask, whole)
@@ -257,11 +286,14 @@ def _widened(row: Any, size: int) -> Any:
     return cp.hstack([row, np.zeros((row.shape[0], missing))]) if missing else row
 
 
-def _smallest_gamma(closed: Array, vertices: list[Array], G: Array, P: Array, lam: float) -> tuple[float, float] | None:
-    """The smallest γ, slightly inflated, for which eigenvalues confirm (41) at every vertex, and what they leave.
+def _smallest_gamma(
+    closed: Array, vertices: list[Array], G: Array, P: Array, lam: float
+) -> tuple[float, float] | None:
+    """The smallest γ, slightly inflated, for which eigenvalues confirm (41) at every vertex, and
+    what they leave.
 
-    Bisection on γ with P and L fixed: [[(1-λ)P, 0], [0, γI]] - [A_i, G]ᵀ P [A_i, G] >= 0. None if no γ will do.
-    """
+    Bisection on γ with P and L fixed: [[(1-λ)P, 0], [0, γI]] - [A_i, G]ᵀ P [A_i, G] >= 0. None if
+    no γ will do."""
     n, m = G.shape
     root = scipy.linalg.cholesky(P, lower=False)
 

@@ -1,4 +1,5 @@
-"""Systems x(k+1) = A x + B u + f(x) + D1 w, y = C x + r + D2 v with Df(x) in [j_lo, j_hi], (13), (14)."""
+"""Systems x(k+1) = A x + B u + f(x) + D1 w, y = C x + r + D2 v with Df(x) in [j_lo, j_hi], (13),
+(14)."""
 
 from __future__ import annotations
 
@@ -27,15 +28,20 @@ def matrix(name: str, value: ArrayLike, shape: tuple[int, ...], finite: bool = T
     """A float array of the shape, -1 for any length; an error that names the argument otherwise."""
     array = numbers(name, value)
     wanted = f"({', '.join('any' if s < 0 else str(s) for s in shape)})"
-    if array.ndim != len(shape) or any(s >= 0 and s != found for s, found in zip(shape, array.shape, strict=True)):
+    if array.ndim != len(shape) or any(
+        s >= 0 and s != found for s, found in zip(shape, array.shape, strict=True)
+    ):
         raise ShapeError(f"{name}: expected an array of shape {wanted}, found {array.shape}")
     if np.isnan(array).any() or (finite and not np.isfinite(array).all()):
-        raise NotFiniteError(f"{name}: expected finite numbers, found {array[~np.isfinite(array)][0]}")
+        raise NotFiniteError(
+            f"{name}: expected finite numbers, found {array[~np.isfinite(array)][0]}"
+        )
     return array
 
 
 def radius_of(name: str, value: ArrayLike, length: int) -> Array:
-    """(length,) radii from as many, or from one that serves all; DdmheError unless they are at least 0."""
+    """(length,) radii from as many, or from one that serves all; DdmheError unless they are at
+    least 0."""
     given = numbers(name, value)
     array = matrix(name, np.full(length, given) if given.ndim == 0 else given, (length,))
     if (array < 0).any():
@@ -67,7 +73,8 @@ class System:
     f: Function | None
     """f(x) -> (n,), x (n,): accurate to 1e-13 of each value. None: no nonlinear part."""
     jacobian: Jacobian | None
-    """jacobian(lo, hi) -> (J_lo, J_hi), (n, n) each: must enclose Df over the box, to 1e-13 of each value."""
+    """jacobian(lo, hi) -> (J_lo, J_hi), (n, n) each: must enclose Df over the box, to 1e-13 of each
+    value."""
     j_lo: Array
     """(n, n): lower bounds of Df wherever the state may be."""
     j_hi: Array
@@ -95,7 +102,9 @@ class System:
         parts["D2"] = matrix("D2", self.D2, (p, -1))
         parts["B"] = None if self.B is None else matrix("B", self.B, (n, -1))
         parts["r"] = None if self.r is None else matrix("r", self.r, (p,))
-        parts["j_lo"], parts["j_hi"] = (matrix(k, getattr(self, k), (n, n), finite=False) for k in ("j_lo", "j_hi"))
+        parts["j_lo"], parts["j_hi"] = (
+            matrix(k, getattr(self, k), (n, n), finite=False) for k in ("j_lo", "j_hi")
+        )
         if (parts["j_lo"] > parts["j_hi"]).any():
             i, j = np.argwhere(parts["j_lo"] > parts["j_hi"])[0]
             found = f"{parts['j_lo'][i, j]} and {parts['j_hi'][i, j]} in row {i}, column {j}"
@@ -106,7 +115,9 @@ class System:
             raise DdmheError("f, jacobian: expected both or neither, found one")
         for name in ("f", "jacobian"):
             if getattr(self, name) is not None and not callable(getattr(self, name)):
-                raise DdmheError(f"{name}: expected a function, found {type(getattr(self, name)).__name__}")
+                raise DdmheError(
+                    f"{name}: expected a function, found {type(getattr(self, name)).__name__}"
+                )
         if self.kind is None:
             kind = ("linear",) if self.f is None else ("python", self.f, self.jacobian, SLACK)
             object.__setattr__(self, "kind", kind)
@@ -139,7 +150,8 @@ class System:
         return found
 
 
-# The f and Df of the ready-made systems are methods of plain objects: these pickle, nested functions do not.
+# The f and Df of the ready-made systems are methods of plain objects: these pickle, nested
+# functions do not.
 
 
 @dataclass(frozen=True)
@@ -196,15 +208,22 @@ class _Damping:
 
 
 def pendulum(model: models.Pendulum | None = None, dt: float = models.Pendulum.paper_dt) -> System:
-    """The pendulum (60): x1⁺ = x1 + dt x2 + w1, x2⁺ = x2 - dt stiffness sin x1 + w2, y = x1 + 0.1 v."""
-    model = models.pendulum() if model is None else check_kind("model", model, models.Pendulum, "a Pendulum")
+    """The pendulum (60): x1⁺ = x1 + dt x2 + w1, x2⁺ = x2 - dt stiffness sin x1 + w2, y = x1 + 0.1
+    v."""
+    model = (
+        models.pendulum()
+        if model is None
+        else check_kind("model", model, models.Pendulum, "a Pendulum")
+    )
     check_number("dt", dt, "a positive number of seconds", lambda seconds: seconds > 0)
     gain = dt * model.stiffness
     A = np.array([[1.0, dt], [0.0, 1.0]])
     bound = np.array([[0.0, 0.0], [gain, 0.0]])
 
     C, D2, motion = np.array([[1.0, 0.0]]), np.array([[0.1]]), _Sine(gain)
-    return System(A, C, np.eye(2), D2, motion.f, motion.jacobian, -bound, bound, kind=("pendulum", gain))
+    return System(
+        A, C, np.eye(2), D2, motion.f, motion.jacobian, -bound, bound, kind=("pendulum", gain)
+    )
 
 
 def linear(
@@ -217,7 +236,8 @@ def linear(
     *,
     C_radius: ArrayLike | None = None,
 ) -> System:
-    """A linear system whose constant matrix is only known to lie in [A_lo, A_hi] (Remark 2); C ± C_radius likewise."""
+    """A linear system whose constant matrix is only known to lie in [A_lo, A_hi] (Remark 2); C ±
+    C_radius likewise."""
     lo, hi = matrix("A_lo", A_lo, (-1, -1)), matrix("A_hi", A_hi, (-1, -1))
     n = len(lo)
     lo, hi = matrix("A_lo", lo, (n, n)), matrix("A_hi", hi, (n, n))
@@ -246,15 +266,23 @@ def _axes(radius: Array) -> list[float]:
 
 
 def detumbling(
-    model: models.Detumbling | None = None, dt: float = 0.1, rate_bound: float = 0.3, uncertainty: float = 0.02
+    model: models.Detumbling | None = None,
+    dt: float = 0.1,
+    rate_bound: float = 0.3,
+    uncertainty: float = 0.02,
 ) -> System:
-    """The 3-DOF target of Liu et al. 2026, IV-B, known within bounds: inertia ratios and torque matrices ± uncertainty.
+    """The 3-DOF target of Liu et al. 2026, IV-B, known within bounds: inertia ratios and torque
+    matrices ± uncertainty.
 
-    x(k+1) = x + dt (a1 x2 x3, a2 x3 x1, a3 x1 x2) + dt N x + w, y = G x + v: forward Euler as in their (4), the
-    rate of the chaser zero. Bounds: a_i = (J2-J3)/J1 …, every entry of N = J⁻¹ ∂τ_t/∂ω and of G = ∂τ_c/∂ω within a
-    relative `uncertainty`; |x_i| <= rate_bound (rad/s) wherever the target may be.
-    """
-    model = models.detumbling() if model is None else check_kind("model", model, models.Detumbling, "a Detumbling")
+    x(k+1) = x + dt (a1 x2 x3, a2 x3 x1, a3 x1 x2) + dt N x + w, y = G x + v: forward Euler as in
+    their (4), the rate of the chaser zero. Bounds: a_i = (J2-J3)/J1 …, every entry of N = J⁻¹
+    ∂τ_t/∂ω and of G = ∂τ_c/∂ω within a relative `uncertainty`; |x_i| <= rate_bound (rad/s) wherever
+    the target may be."""
+    model = (
+        models.detumbling()
+        if model is None
+        else check_kind("model", model, models.Detumbling, "a Detumbling")
+    )
     check_number("dt", dt, "a positive number of seconds", lambda seconds: seconds > 0)
     check_number("uncertainty", uncertainty, "a number in [0, 1)", lambda share: 0 <= share < 1)
     check_number("rate_bound", rate_bound, "a positive number of rad/s", lambda rate: rate > 0)
@@ -277,11 +305,14 @@ def detumbling(
         (-d_N.ravel(), d_N.ravel()),
         [float(v) for v in d_G.ravel()],
     )
-    return System(np.eye(3) + N, G, np.eye(3), np.eye(3), motion.f, motion.jacobian, -bound, bound, kind=kind)
+    return System(
+        np.eye(3) + N, G, np.eye(3), np.eye(3), motion.f, motion.jacobian, -bound, bound, kind=kind
+    )
 
 
 def van_der_pol(dt: float = 0.05, mu: float = 1.0, bound: float = 3.0) -> System:
-    """Van der Pol's oscillator by forward Euler, y = x1 + v; |x_i| <= bound wherever the state may be.
+    """Van der Pol's oscillator by forward Euler, y = x1 + v; |x_i| <= bound wherever the state may
+    be.
 
     x1⁺ = x1 + dt x2 + w1, x2⁺ = x2 + dt (mu (1 - x1²) x2 - x1) + w2, written as A x + f(x) with
     A = I + dt [[0, 1], [-1, mu]] and f = (0, -dt mu x1² x2).
@@ -293,4 +324,13 @@ def van_der_pol(dt: float = 0.05, mu: float = 1.0, bound: float = 3.0) -> System
     box, motion = np.full(2, bound), _Damping(dt * mu)
     J_lo, J_hi = motion.jacobian(-box, box)
     pad = 1e-12 * np.abs(J_hi - J_lo)
-    return System(A, np.array([[1.0, 0.0]]), np.eye(2), np.eye(1), motion.f, motion.jacobian, J_lo - pad, J_hi + pad)
+    return System(
+        A,
+        np.array([[1.0, 0.0]]),
+        np.eye(2),
+        np.eye(1),
+        motion.f,
+        motion.jacobian,
+        J_lo - pad,
+        J_hi + pad,
+    )

@@ -16,7 +16,8 @@ Array = NDArray[np.float64]
 __all__ = ["Verdict", "judge"]
 
 WIDE = 0.5
-"""Bounds whose median width is more than this share of the recorded range count as saying nothing."""
+"""Bounds whose median width is more than this share of the recorded range count as saying
+nothing."""
 GROWN = 1.5
 """A last width this many times the first counts as grown."""
 
@@ -30,7 +31,8 @@ class Verdict:
     share: Array
     """Median full width over the recorded range (n,); infinite without a bound."""
     grows: Array
-    """Time from which on a growing width stays above the recorded range, s (n,); NaN: there is none."""
+    """Time from which on a growing width stays above the recorded range, s (n,); NaN: there is
+    none."""
     unbounded: Array
     """Time from which on there is no finite bound, s (n,); NaN: there is to the end."""
 
@@ -47,7 +49,11 @@ class Verdict:
     def _clause(self, i: int) -> str:
         share = self.share[i]
         if share >= 1:
-            size = f"median width {share:.3g} of it" if share < 1e3 else "median width above 1000 of it"
+            size = (
+                f"median width {share:.3g} of it"
+                if share < 1e3
+                else "median width above 1000 of it"
+            )
             text = f"{self.names[i]} says nothing beyond the recorded range ({size})"
         elif share > WIDE:
             text = f"{self.names[i]} says little: median width {share:.3g} of the recorded range"
@@ -61,7 +67,11 @@ class Verdict:
 
 
 def judge(
-    lower: ArrayLike, upper: ArrayLike, recorded: tuple[ArrayLike, ArrayLike], t: ArrayLike, names: Sequence[str]
+    lower: ArrayLike,
+    upper: ArrayLike,
+    recorded: tuple[ArrayLike, ArrayLike],
+    t: ArrayLike,
+    names: Sequence[str],
 ) -> Verdict:
     """Compare bounds (N, n) at times t (N,), s, with the recorded range (least (n,), largest (n,)).
 
@@ -75,7 +85,10 @@ def judge(
     shape = len(t), len(names)
     if len(t) == 0:
         raise DdmheError("t: expected at least one sample, found none")
-    lower, upper = matrix("lower", lower, shape, finite=False), matrix("upper", upper, shape, finite=False)
+    lower, upper = (
+        matrix("lower", lower, shape, finite=False),
+        matrix("upper", upper, shape, finite=False),
+    )
     low, high = (matrix("recorded", side, shape[1:]) for side in recorded)
     reach = high - low
     if not (reach > 0).all():
@@ -84,7 +97,9 @@ def judge(
         width = upper - lower
     share = np.median(width, axis=0) / reach
     growing = ~(width[-1] < GROWN * width[0])
-    grows = np.where(growing, [_for_good(t, width[:, i] > reach[i]) for i in range(shape[1])], np.nan)
+    grows = np.where(
+        growing, [_for_good(t, width[:, i] > reach[i]) for i in range(shape[1])], np.nan
+    )
     unbounded = np.array([_for_good(t, ~np.isfinite(width[:, i])) for i in range(shape[1])])
     return Verdict(names, share, grows, unbounded)
 

@@ -1,10 +1,11 @@
-"""The single-axis bench, Liu et al. 2026, Section IV-A: nominal, noise, disturbance, both, and the sweep of μ.
+"""The single-axis bench, Liu et al. 2026, Section IV-A: nominal, noise, disturbance, both, and the
+sweep of μ.
 
-The paper prints the sampling interval (0.01 s), the history (0.5 s), the weights and the box. Everything else is chosen
-here: `ddmhe.models.SpinDown` with an encoder of 10 000 counts per revolution, torque noise of NOISE, during EVENT a
-noise LARGE_NOISE or a jerk of the target. Since that bench is not the paper's, every claim is judged over FAMILY:
-benches that differ in decay, in C, in noise and in the jerk, all of which fit what is printed.
-"""
+The paper prints the sampling interval (0.01 s), the history (0.5 s), the weights and the box.
+Everything else is chosen here: `ddmhe.models.SpinDown` with an encoder of 10 000 counts per
+revolution, torque noise of NOISE, during EVENT a noise LARGE_NOISE or a jerk of the target. Since
+that bench is not the paper's, every claim is judged over FAMILY: benches that differ in decay, in
+C, in noise and in the jerk, all of which fit what is printed."""
 
 from __future__ import annotations
 
@@ -57,7 +58,8 @@ class Bench:
 
     @property
     def model(self) -> models.SpinDown:
-        """Bearing friction in proportion to the eddy torque, as in the defaults of `models.SpinDown`."""
+        """Bearing friction in proportion to the eddy torque, as in the defaults of
+        `models.SpinDown`."""
         return models.spin_down(
             inertia=self.decay * self.C,
             eddy=self.C,
@@ -76,7 +78,8 @@ class Bench:
 NOMINAL = Bench()
 """The bench of the figures and tables."""
 FAMILY = tuple(
-    Bench(*each) for each in itertools.product((1.0, 5.0), (5e-4, 5e-3, 5e-2), (1.0, 3.0, 10.0), (4.0, 10.0))
+    Bench(*each)
+    for each in itertools.product((1.0, 5.0), (5e-4, 5e-3, 5e-2), (1.0, 3.0, 10.0), (4.0, 10.0))
 )
 """The benches that judge: decay, C, noise and kick in every combination."""
 LEVELS: dict[str, Callable[[Bench], str]] = {
@@ -125,7 +128,8 @@ def trial(
     bench: Bench = NOMINAL,
     names: Sequence[str] | None = None,
 ) -> Trial:
-    """One run of a bench with the estimators `names`, all by default; seed 0 also has the box of its figure."""
+    """One run of a bench with the estimators `names`, all by default; seed 0 also has the box of
+    its figure."""
     steps, T = round(DURATION / DT), round(HISTORY / DT)
     t: Array = DT * np.arange(steps + 1, dtype=np.float64)
     kick = np.zeros((steps, 1))
@@ -137,16 +141,23 @@ def trial(
     if noisy:
         level[(t >= EVENT[0]) & (t < EVENT[1])] *= LARGE_NOISE / NOISE
     y = record.y + level[:, None] * np.random.default_rng(seed).standard_normal(record.y.shape)
-    history = History(record.x_recorded[: T + 1], y[:T], dt=DT, x_units=record.x_units, y_units=record.y_units)
+    history = History(
+        record.x_recorded[: T + 1], y[:T], dt=DT, x_units=record.x_units, y_units=record.y_units
+    )
     taken = estimators(history, bench, record.x_recorded[T], mu, seed)
-    found = estimates({name: taken[name] for name in (taken if names is None else names)}, y[T:-1], 1)
+    found = estimates(
+        {name: taken[name] for name in (taken if names is None else names)}, y[T:-1], 1
+    )
     center, active = box(history, y[T:-1], M, RHO, mu, 1) if seed == 0 else (None, None)
     known = t[: T + 1], record.x_recorded[: T + 1]
     return Trial(np.asarray(t[T + 1 :]), record.x[T + 1 :], y[T:-1], found, known, center, active)
 
 
-def box(history: History, Y: Array, horizon: int, rho: float, mu: float, rank: int) -> tuple[Array, Array]:
-    """x_c(t) (N, n) and the number of active bounds (N,) of the paper's box. A box without width leaves x_c alone."""
+def box(
+    history: History, Y: Array, horizon: int, rho: float, mu: float, rank: int
+) -> tuple[Array, Array]:
+    """x_c(t) (N, n) and the number of active bounds (N,) of the paper's box. A box without width
+    leaves x_c alone."""
 
     def run(width: float) -> Any:
         bounds = {"x_bounds": (-width, width), "x_center": "history"}
@@ -155,7 +166,13 @@ def box(history: History, Y: Array, horizon: int, rho: float, mu: float, rank: i
     return run(0.0).x, run(BOX).active
 
 
-WHOLE, BEFORE, DURING, AFTER, LATER = (0.0, math.inf), (0.0, 1.0), (1.0, 1.5), (1.6, 2.5), (1.0, 2.5)
+WHOLE, BEFORE, DURING, AFTER, LATER = (
+    (0.0, math.inf),
+    (0.0, 1.0),
+    (1.0, 1.5),
+    (1.6, 2.5),
+    (1.0, 2.5),
+)
 """Spans of the errors, s after the history; AFTER leaves the estimators 0.1 s to recover."""
 SPANS = {"all": WHOLE, "during": DURING, "after": AFTER, "later": LATER}
 """Those of the family's series, by name."""
@@ -242,7 +259,9 @@ def _better(source: str) -> Statement:
     return Statement(
         f"V, with {source}",
         "Dd-MHE performs better than Dd-KMHE and Dd-ESKF",
-        lambda _, trials: all(_typical(trials, MHE, WHOLE) < _typical(trials, name, WHOLE) for name in (KMHE, ESKF)),
+        lambda _, trials: all(
+            _typical(trials, MHE, WHOLE) < _typical(trials, name, WHOLE) for name in (KMHE, ESKF)
+        ),
         lambda trials: _numbers(trials, WHOLE, JUDGED),
         "criterion: the smallest median RMSE of the three over the 2.5 s after the history",
     )
@@ -256,7 +275,9 @@ def _recovers(name: str) -> Statement:
             _typical(trials, name, AFTER) < 0.5 * _typical(trials, name, DURING)
             or _typical(trials, name, AFTER) < 0.01 * SPEED
         ),
-        lambda trials: f"during {_numbers(trials, DURING, (name,))}, after {_numbers(trials, AFTER, (name,))}",
+        lambda trials: (
+            f"during {_numbers(trials, DURING, (name,))}, after {_numbers(trials, AFTER, (name,))}"
+        ),
         "criterion: from 0.1 s after the noise the error is below half of that during it, or below 1 % of the initial "
         "speed",
     )
@@ -273,7 +294,10 @@ def _follows(name: str, bench: Bench, trials: Trials) -> bool:
 
 
 def _scatters(trials: Trials, names: tuple[str, ...]) -> str:
-    return ", ".join(f"{short(name)} {_scatter(trials, name):.3g}" for name in names) + " rad/s of scatter"
+    return (
+        ", ".join(f"{short(name)} {_scatter(trials, name):.3g}" for name in names)
+        + " rad/s of scatter"
+    )
 
 
 STATEMENTS: dict[str, tuple[Statement, ...]] = {
@@ -348,7 +372,8 @@ STATEMENTS: dict[str, tuple[Statement, ...]] = {
 
 
 def claims(experiment: str, found: Mapping[Bench, Trials]) -> list[Claim]:
-    """Verdicts on "nominal" (Fig. 2), "noise" (3), "disturbance" (4) or "both" (5) over a family of benches."""
+    """Verdicts on "nominal" (Fig. 2), "noise" (3), "disturbance" (4) or "both" (5) over a family of
+    benches."""
     return [statement.over(found) for statement in STATEMENTS[experiment]]
 
 
@@ -356,9 +381,14 @@ def claims_mu(found: Mapping[Bench, Mapping[float, Trials]]) -> list[Claim]:
     """Fig. 6: errors over the sweep of μ on each bench."""
     spread: dict[Bench, dict[str, tuple[float, float]]] = {}
     for bench, sweep in found.items():
-        errors = {name: [_typical(trials, name, WHOLE) for trials in sweep.values()] for name in (MHE, KMHE)}
+        errors = {
+            name: [_typical(trials, name, WHOLE) for trials in sweep.values()]
+            for name in (MHE, KMHE)
+        }
         spread[bench] = {name: (min(each), max(each)) for name, each in errors.items()}
-    ratio = {bench: {name: hi / lo for name, (lo, hi) in each.items()} for bench, each in spread.items()}
+    ratio = {
+        bench: {name: hi / lo for name, (lo, hi) in each.items()} for bench, each in spread.items()
+    }
     here = ratio[NOMINAL]
     ratios = f"largest over smallest median RMSE: Dd-MHE {here[MHE]:.3g}, Dd-KMHE {here[KMHE]:.3g}"
     rows = []
@@ -393,7 +423,14 @@ def claims_mu(found: Mapping[Bench, Mapping[float, Trials]]) -> list[Claim]:
     )
     return [
         *(
-            Claim(source, claim, "", f"{shares(judged)}; nominal bench: {ours}", holds_for(list(judged.values())), why)
+            Claim(
+                source,
+                claim,
+                "",
+                f"{shares(judged)}; nominal bench: {ours}",
+                holds_for(list(judged.values())),
+                why,
+            )
             for source, claim, judged, ours, why in rows
         ),
         Claim(

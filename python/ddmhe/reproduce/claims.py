@@ -11,9 +11,21 @@ from rich.table import Table
 
 from ddmhe.files import write_text
 
-__all__ = ["MISPRINTS", "Claim", "Verdict", "cases", "holds_for", "holds_if", "verdict", "verdicts", "write_claims"]
+__all__ = [
+    "MISPRINTS",
+    "Claim",
+    "Verdict",
+    "cases",
+    "holds_for",
+    "holds_if",
+    "verdict",
+    "verdicts",
+    "write_claims",
+]
 
-Verdict = Literal["holds", "holds with …", "holds for …", "plausible", "does not hold", "cannot be checked"]
+Verdict = Literal[
+    "holds", "holds with …", "holds for …", "plausible", "does not hold", "cannot be checked"
+]
 """INTRODUCTION says what each means."""
 
 
@@ -85,7 +97,11 @@ what Figs. 2 to 6 show: those claims are judged over a family of benches (`ddmhe
 
 MISPRINTS = (
     ("(11), proof of Lemma 1", "r_L α = e_o", "r_L α = r_o"),
-    ("(12)", "exists since H_1(x) has rank n", "since H_1(x) with the row of ones has rank n+1, (7)"),
+    (
+        "(12)",
+        "exists since H_1(x) has rank n",
+        "since H_1(x) with the row of ones has rank n+1, (7)",
+    ),
     ("(14b)", "x̂(j+1) = A x̂(j) + ŵ(j)", "+ e, as in (5); likewise r in (14c)"),
     ("below (15)", "P = 2ρ^M, R = ρ^{j-1} μ", "times identity matrices"),
     ("Theorem 1", "only Assumption 1 is asked for", "its proof uses Assumption 2, too"),
@@ -114,8 +130,23 @@ def write_claims(path: Path, claims: Sequence[Claim]) -> None:
     """A Markdown page: a table with one line per claim, and the misprints that do no harm."""
     lines = [*INTRODUCTION.splitlines(), "", *_row(HEADER), "|" + " --- |" * len(HEADER)]
     for claim in claims:
-        lines += _row((claim.source, claim.claim, claim.printed or "–", claim.ours, f"**{claim.verdict}**", claim.why))
-    lines += ["", "## Misprints that do no harm", "", *_row(("where", "printed", "meant")), "|" + " --- |" * 3]
+        lines += _row(
+            (
+                claim.source,
+                claim.claim,
+                claim.printed or "–",
+                claim.ours,
+                f"**{claim.verdict}**",
+                claim.why,
+            )
+        )
+    lines += [
+        "",
+        "## Misprints that do no harm",
+        "",
+        *_row(("where", "printed", "meant")),
+        "|" + " --- |" * 3,
+    ]
     for misprint in MISPRINTS:
         lines += _row(misprint)
     write_text(path, "\n".join([*lines, ""]))
@@ -128,7 +159,14 @@ def _row(cells: Sequence[str]) -> list[str]:
 def verdicts(claims: Sequence[Claim]) -> Table:
     """What the papers claim and whether it holds."""
     result = Table(
-        "source", "claim", "printed", "ours", "verdict", title="Claims", title_justify="left", show_lines=True
+        "source",
+        "claim",
+        "printed",
+        "ours",
+        "verdict",
+        title="Claims",
+        title_justify="left",
+        show_lines=True,
     )
     for claim in claims:
         result.add_row(claim.source, claim.claim, claim.printed, claim.ours, claim.verdict)

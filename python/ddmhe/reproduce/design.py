@@ -1,8 +1,8 @@
 """The numbers of Algorithm 2 for both experiments, and what stands against them.
 
-`pole_placement` computes in the units of its recording. The paper's rates are in deg/s, and with them the result does
-not depend on the sampling interval, which it does not print; in rad/s the same recording gives other numbers.
-"""
+`pole_placement` computes in the units of its recording. The paper's rates are in deg/s, and with
+them the result does not depend on the sampling interval, which it does not print; in rad/s the same
+recording gives other numbers."""
 
 from __future__ import annotations
 
@@ -32,7 +32,9 @@ INTERVALS = (0.1, 0.5, 1.0)
 def recordings(seed: int = 0) -> dict[str, History]:
     """Recordings of both experiments, with and without noise."""
     T = round(bench.HISTORY / bench.DT)
-    brake = bench.NOMINAL.model.simulate(bench.HISTORY, bench.DT, noise=bench.NOMINAL.deviation, seed=seed)
+    brake = bench.NOMINAL.model.simulate(
+        bench.HISTORY, bench.DT, noise=bench.NOMINAL.deviation, seed=seed
+    )
     pure = models.spin_down().simulate(bench.HISTORY, bench.DT)
     target = models.detumbling()
     noisy = target.simulate(case.HISTORY, case.DT, noise=0.01, seed=seed)
@@ -53,7 +55,8 @@ def _clean(dt: float, unit: float = 1.0) -> History:
 
 
 def placements(histories: Mapping[str, History]) -> pd.DataFrame:
-    """One row per recording: what Algorithm 2 finds as printed, and what its gain is worth in the identified model."""
+    """One row per recording: what Algorithm 2 finds as printed, and what its gain is worth in the
+    identified model."""
     rows: list[dict[str, Any]] = []
     for name, history in histories.items():
         try:
@@ -77,10 +80,11 @@ def placements(histories: Mapping[str, History]) -> pd.DataFrame:
 
 
 def nearest(history: History, rho0: float, mu0: float) -> dict[str, tuple[float, float, float]]:
-    """(radius, ρ0, μ0) of Algorithm 2 with identities for Q and R: nearest to ρ0, to μ0, and to both at once.
+    """(radius, ρ0, μ0) of Algorithm 2 with identities for Q and R: nearest to ρ0, to μ0, and to
+    both at once.
 
-    ρ0 is 6 r² where the disc binds, μ0 falls as the radius grows; both is judged by the larger of the two ratios.
-    """
+    ρ0 is 6 r² where the disc binds, μ0 falls as the radius grows; both is judged by the larger of
+    the two ratios."""
     tried: dict[float, tuple[float, float]] = {}
 
     def at(radius: float) -> tuple[float, float]:
@@ -105,7 +109,11 @@ def nearest(history: History, rho0: float, mu0: float) -> dict[str, tuple[float,
     for key, cost in costs.items():
         k = int(np.argmin([cost(r) for r in grid]))
         ends = grid[max(k - 1, 0)], grid[min(k + 1, len(grid) - 1)]
-        radius = float(scipy.optimize.minimize_scalar(cost, bounds=ends, method="bounded", options={"xatol": 1e-4}).x)
+        radius = float(
+            scipy.optimize.minimize_scalar(
+                cost, bounds=ends, method="bounded", options={"xatol": 1e-4}
+            ).x
+        )
         best[key] = (radius, *at(radius))
     return best
 
@@ -127,7 +135,9 @@ def _number(value: float) -> str:
 
 
 def _rank(row: pd.DataFrame) -> Claim:
-    found = {name: tuple(map(int, str(row["rank of (44)"][name]).split(" of "))) for name in row.index}
+    found = {
+        name: tuple(map(int, str(row["rank of (44)"][name]).split(" of "))) for name in row.index
+    }
     full = {name: rank == required for name, (rank, required) in found.items()}
     noisy = all(full[name] for name in full if "no noise" not in name)
     clean = any(full[name] for name in full if "no noise" in name)
@@ -157,14 +167,18 @@ def _bench_numbers(row: pd.DataFrame) -> list[Claim]:
                 f"{symbol} of the bench",
                 f"{printed:g}",
                 f"our bench: {_number(noisy)}, without noise {_number(clean)}",
-                "cannot be checked" if arbitrary else holds_if(abs(noisy - printed) <= 0.1 * printed),
+                "cannot be checked"
+                if arbitrary
+                else holds_if(abs(noisy - printed) <= 0.1 * printed),
                 "with noise in at least 2n + p columns A_L = 0, L = 0 solves (56) for any system: the digits are the "
                 "solver's zero, and say nothing about a bench",
             )
         )
     rho0, mu0 = PRINTED["bench"]
     # |A| = |A_L - L C| ≤ √(ρ0/6) + √(μ0/6) |C|
-    least = {decay: (1 - bench.DT / decay - np.sqrt(rho0 / 6)) / np.sqrt(mu0 / 6) for decay in (0.1, 1.0)}
+    least = {
+        decay: (1 - bench.DT / decay - np.sqrt(rho0 / 6)) / np.sqrt(mu0 / 6) for decay in (0.1, 1.0)
+    }
     largest = max(each.C for each in bench.FAMILY)
     rows.append(
         Claim(
@@ -186,7 +200,11 @@ def _satellite_numbers(row: pd.DataFrame, histories: Mapping[str, History]) -> l
     best = nearest(histories[DEGREES], rho0, mu0)
     others = [_clean(dt, 180 / np.pi) for dt in INTERVALS[1:]]
     again = [pole_placement(each, best["mu0"][0], attempts=1) for each in others]
-    (r_rho, rho, mu_there), (r_mu, rho_there, mu), (r, both_rho, both_mu) = best["rho0"], best["mu0"], best["both"]
+    (r_rho, rho, mu_there), (r_mu, rho_there, mu), (r, both_rho, both_mu) = (
+        best["rho0"],
+        best["mu0"],
+        best["both"],
+    )
     factor = float(np.exp(max(abs(np.log(both_rho / rho0)), abs(np.log(both_mu / mu0)))))
     reached = abs(rho / rho0 - 1) < 0.01 and abs(mu / mu0 - 1) < 0.05 and factor < 2
     bound = float(row["rho0 of any gain at least"][CLEAN])
@@ -221,8 +239,12 @@ def _mus(found: Sequence[PolePlacement]) -> list[float]:
 
 
 def _units(row: pd.DataFrame) -> Claim:
-    """ρ0 has no unit, μ0 that of (state/output)²: a change of the state's unit must multiply it by that factor."""
-    rad, deg = ((float(row["rho0 as printed"][name]), float(row["mu0 as printed"][name])) for name in (CLEAN, DEGREES))
+    """ρ0 has no unit, μ0 that of (state/output)²: a change of the state's unit must multiply it by
+    that factor."""
+    rad, deg = (
+        (float(row["rho0 as printed"][name]), float(row["mu0 as printed"][name]))
+        for name in (CLEAN, DEGREES)
+    )
     scale = (180 / np.pi) ** 2
     same = abs(deg[0] / rad[0] - 1) < 0.05 and abs(deg[1] / (scale * rad[1]) - 1) < 0.05
     return Claim(

@@ -56,8 +56,11 @@ class Experiment:
     run: Callable[[Callable[[], None]], Result]
 
 
-def run_experiment(name: str, directory: Path, advance: Callable[[], None]) -> tuple[Result, list[Path]]:
-    """Run one experiment and write its figures (PNG, SVG) and series (CSV); what came out and the paths."""
+def run_experiment(
+    name: str, directory: Path, advance: Callable[[], None]
+) -> tuple[Result, list[Path]]:
+    """Run one experiment and write its figures (PNG, SVG) and series (CSV); what came out and the
+    paths."""
     result = EXPERIMENTS[name].run(advance)
     directory.mkdir(parents=True, exist_ok=True)
     written = []
@@ -99,7 +102,12 @@ def _bench(name: str, **given: Any) -> Experiment:
             spans |= {"before": bench.BEFORE, "during": bench.DURING, "after": bench.AFTER}
         title = f"{name}: RMSE in rad/s, median [5 %, 95 %] of {SEEDS} seeds"
         tables = {name: _series(trials), f"{name}-family": _family(family)}
-        return Result(bench.claims(kind, family), tables, {name: figure}, [_table(title, _errors(trials, spans))])
+        return Result(
+            bench.claims(kind, family),
+            tables,
+            {name: figure},
+            [_table(title, _errors(trials, spans))],
+        )
 
     return Experiment(SEEDS + FAMILY_SEEDS * len(others), run)
 
@@ -123,15 +131,23 @@ def _mu(advance: Callable[[], None]) -> Result:
 
     names = (bench.MHE, bench.KMHE)
     settings = [{"mu": mu, "names": names} for mu in bench.MUS]
-    sweep = dict(zip(bench.MUS, run_grid(bench.trial, range(SEEDS), advance, settings), strict=True))
+    sweep = dict(
+        zip(bench.MUS, run_grid(bench.trial, range(SEEDS), advance, settings), strict=True)
+    )
     others = [each for each in bench.family(False) if each != bench.NOMINAL]
     grid = run_grid(
-        bench.trial, range(SWEEP_SEEDS), advance, [{"bench": each, **given} for each in others for given in settings]
+        bench.trial,
+        range(SWEEP_SEEDS),
+        advance,
+        [{"bench": each, **given} for each in others for given in settings],
     )
     family = {bench.NOMINAL: sweep}
     for k, each in enumerate(others):
         family[each] = dict(zip(bench.MUS, grid[k * len(bench.MUS) :], strict=False))
-    curves = {name: np.array([percentiles(trials.rms(name)) for trials in sweep.values()]) for name in names}
+    curves = {
+        name: np.array([percentiles(trials.rms(name)) for trials in sweep.values()])
+        for name in names
+    }
     figures = {
         "bench-mu": sweep_figure(
             np.array(bench.MUS),
@@ -151,7 +167,12 @@ def _mu(advance: Callable[[], None]) -> Result:
     for name, curve in curves.items():
         for k, end in enumerate(ENDS):
             frame[f"{name}: {end}"] = curve[:, k]
-    table = Table("mu", *curves, title=f"bench-mu: RMSE in rad/s, median of {SEEDS} seeds", title_justify="left")
+    table = Table(
+        "mu",
+        *curves,
+        title=f"bench-mu: RMSE in rad/s, median of {SEEDS} seeds",
+        title_justify="left",
+    )
     for k, mu in enumerate(bench.MUS):
         table.add_row(f"{mu:g}", *(f"{curve[k, 1]:.3g}" for curve in curves.values()))
     return Result(bench.claims_mu(family), {"bench-mu": frame}, figures, [table])
@@ -166,12 +187,19 @@ def _detumbling(advance: Callable[[], None]) -> Result:
 
     settings = satellite.settings()
     runs = run_grid(satellite.trial, range(SEEDS), advance, settings)
-    found = {(each["noise"], each["recorded"]): trials for each, trials in zip(settings, runs, strict=True)}
+    found = {
+        (each["noise"], each["recorded"]): trials
+        for each, trials in zip(settings, runs, strict=True)
+    }
     nominal, noisy = (found[satellite.JUDGED, recorded] for recorded in satellite.RECORDED)
     rows = []
     for (noise, recorded), trials in found.items():
         for name in trials.names:
-            row: dict[str, Any] = {"torque noise (N m)": noise, "history noise (rad/s)": recorded, "estimator": name}
+            row: dict[str, Any] = {
+                "torque noise (N m)": noise,
+                "history noise (rad/s)": recorded,
+                "estimator": name,
+            }
             for span in satellite.spans(trials):
                 errors = np.rad2deg(trials.rms(name, 0.0, span))
                 for end, value in zip(ENDS, percentiles(errors), strict=True):
@@ -193,7 +221,9 @@ def _detumbling(advance: Callable[[], None]) -> Result:
         table.add_row(name, *cells)
     shown = (satellite.MHE, satellite.DEFAULTS, satellite.KMHE, satellite.ESKF, satellite.EKF)
     figures = {
-        "detumbling-output": outputs_figure(nominal.t, nominal.all[0].y, ("x", "y", "z"), "torque on the chaser (N m)"),
+        "detumbling-output": outputs_figure(
+            nominal.t, nominal.all[0].y, ("x", "y", "z"), "torque on the chaser (N m)"
+        ),
     }
     for stem, trials in (("detumbling", nominal), ("detumbling-noisy-history", noisy)):
         figures[stem] = trials_figure(
@@ -222,7 +252,9 @@ def _design(advance: Callable[[], None]) -> Result:
     for row in frame[columns].itertuples(index=False):
         table.add_row(*(f"{cell:.4g}" if isinstance(cell, float) else str(cell) for cell in row))
     left = pd.DataFrame(theory.linearisation(), columns=list(theory.LEFT))
-    second = Table(*left.columns, title="design: what (5) leaves of the 3-DOF motion", title_justify="left")
+    second = Table(
+        *left.columns, title="design: what (5) leaves of the 3-DOF motion", title_justify="left"
+    )
     for row in left.itertuples(index=False):
         second.add_row(*(f"{cell:.3g}" for cell in row))
     claims = design.claims(frame, histories)
@@ -243,9 +275,13 @@ def pendulum_intervals(advance: Callable[[], None]) -> Result:
     mean = pendulum.widths(found)
     t: Array = pendulum.DT * np.arange(1, trials[0].x.shape[0], dtype=np.float64)
     table = Table("method", *pendulum.MEASURES, "samples outside", title_justify="left")
-    table.title = f"pendulum: mean full width of the bounds of x(51) to x(100), {SEEDS} trajectories"
+    table.title = (
+        f"pendulum: mean full width of the bounds of x(51) to x(100), {SEEDS} trajectories"
+    )
     for name, width in mean.items():
-        table.add_row(name, *(f"{w:.5f}" for w in width), str(sum(trial.violations(name) for trial in trials)))
+        table.add_row(
+            name, *(f"{w:.5f}" for w in width), str(sum(trial.violations(name) for trial in trials))
+        )
     first = trials[0]
     colors = dict(zip((*mean, pendulum.PRINTED_BALL), PALETTE, strict=False))
     from_0 = np.concatenate([[0.0], t])
@@ -265,7 +301,10 @@ def pendulum_intervals(advance: Callable[[], None]) -> Result:
         for i in range(2):
             series |= {f"x{i + 1} lower {name}": lower[:, i], f"x{i + 1} upper {name}": upper[:, i]}
     frame = pd.DataFrame(
-        {"method": list(mean), **{q: [w[i] for w in mean.values()] for i, q in enumerate(pendulum.MEASURES)}}
+        {
+            "method": list(mean),
+            **{q: [w[i] for w in mean.values()] for i, q in enumerate(pendulum.MEASURES)},
+        }
     )
     tables = {"pendulum": pd.DataFrame(series), "pendulum-widths": frame}
     return Result(pendulum.claims(trials), tables, figures, [table])
@@ -274,11 +313,13 @@ def pendulum_intervals(advance: Callable[[], None]) -> Result:
 # --- measured logs
 
 
-def reproduce_real(paths: list[Path], directory: Path, advance: Callable[[], None]) -> tuple[Result, list[Path]]:
+def reproduce_real(
+    paths: list[Path], directory: Path, advance: Callable[[], None]
+) -> tuple[Result, list[Path]]:
     """All estimators on every pendulum log; NRMSE as CSV and Markdown.
 
-    A KeyboardInterrupt has the same of the logs that were finished as its `finished`, None without any.
-    """
+    A KeyboardInterrupt has the same of the logs that were finished as its `finished`, None without
+    any."""
     from ddmhe.reproduce.real import pendulum_scores
 
     try:
@@ -290,13 +331,23 @@ def reproduce_real(paths: list[Path], directory: Path, advance: Callable[[], Non
 
 
 def _summarised(scores: pd.DataFrame, directory: Path) -> tuple[Result, list[Path]]:
-    table = Table("estimator", "geometric mean", "median", "worst", "diverged", title="NRMSE", title_justify="left")
+    table = Table(
+        "estimator",
+        "geometric mean",
+        "median",
+        "worst",
+        "diverged",
+        title="NRMSE",
+        title_justify="left",
+    )
     summary = []
     for name in map(str, scores):
         column = scores[name].to_numpy()
         finite = np.isfinite(column) & (column < 1e3)
         mean = float(np.exp(np.mean(np.log(column)))) if finite.all() else np.inf
-        summary.append((mean, name, float(np.median(column)), float(column.max()), int((~finite).sum())))
+        summary.append(
+            (mean, name, float(np.median(column)), float(column.max()), int((~finite).sum()))
+        )
     for mean, name, median, worst, lost in sorted(summary):
         table.add_row(name, _short(mean), _short(median), _short(worst), str(lost))
     directory.mkdir(parents=True, exist_ok=True)
@@ -306,7 +357,9 @@ def _summarised(scores: pd.DataFrame, directory: Path) -> tuple[Result, list[Pat
     return Result(printed=[table]), written
 
 
-def _markdown(scores: pd.DataFrame, summary: list[tuple[float, str, float, float, int]], count: int) -> str:
+def _markdown(
+    scores: pd.DataFrame, summary: list[tuple[float, str, float, float, int]], count: int
+) -> str:
     lines = [
         "# Measured pendulum logs: every estimator",
         "",
@@ -363,7 +416,8 @@ def _short(value: float) -> str:
 
 def _errors(trials: Trials, spans: dict[str, tuple[float, float]]) -> dict[str, dict[str, Array]]:
     return {
-        name: {label: percentiles(trials.rms(name, *span)) for label, span in spans.items()} for name in trials.names
+        name: {label: percentiles(trials.rms(name, *span)) for label, span in spans.items()}
+        for name in trials.names
     }
 
 
@@ -371,13 +425,17 @@ def _table(title: str, errors: dict[str, dict[str, Array]]) -> Table:
     labels = list(next(iter(errors.values())))
     table = Table("estimator", *labels, title=title, title_justify="left")
     for name, row in errors.items():
-        cells = [f"{_short(row[label][1])} [{_short(row[label][0])}, {_short(row[label][2])}]" for label in labels]
+        cells = [
+            f"{_short(row[label][1])} [{_short(row[label][0])}, {_short(row[label][2])}]"
+            for label in labels
+        ]
         table.add_row(name, *cells)
     return table
 
 
 def _series(trials: Trials) -> pd.DataFrame:
-    """Time, true states and estimates of the first seed, median and 90 % band of every error over the seeds."""
+    """Time, true states and estimates of the first seed, median and 90 % band of every error over
+    the seeds."""
     first = trials.all[0]
     frame = {"time_s": trials.t}
     for i in range(first.x.shape[1]):
@@ -395,7 +453,9 @@ EXPERIMENTS: dict[str, Experiment] = {
     "bench-noise": _bench("bench-noise", noisy=True),
     "bench-disturbance": _bench("bench-disturbance", disturbed=True),
     "bench-both": _bench("bench-both", noisy=True, disturbed=True),
-    "bench-mu": Experiment(len(bench.MUS) * (SEEDS + SWEEP_SEEDS * (len(bench.family(False)) - 1)), _mu),
+    "bench-mu": Experiment(
+        len(bench.MUS) * (SEEDS + SWEEP_SEEDS * (len(bench.family(False)) - 1)), _mu
+    ),
     "detumbling": Experiment(SEEDS * len(satellite.NOISES) * len(satellite.RECORDED), _detumbling),
     "design": Experiment(1, _design),
     "pendulum": Experiment(SEEDS, pendulum_intervals),
@@ -406,9 +466,13 @@ def pendulum_logs(data: Path | None) -> list[Path]:
     """The pendulum logs of a directory, or of DDMHE_DATA; DdmheError that says what is missing."""
     given = data if data is not None else os.environ.get("DDMHE_DATA")
     if given is None:
-        raise DdmheError("--data: expected the directory of the measured logs (or DDMHE_DATA), found none")
+        raise DdmheError(
+            "--data: expected the directory of the measured logs (or DDMHE_DATA), found none"
+        )
     folder = Path(given)
     paths = sorted(folder.glob("*.csv")) or sorted((folder / "repoimu-pendulum").glob("*.csv"))
     if not paths:
-        raise DdmheError(f"--data: expected a directory with pendulum logs (CSV), {str(folder)!r} has none")
+        raise DdmheError(
+            f"--data: expected a directory with pendulum logs (CSV), {str(folder)!r} has none"
+        )
     return paths

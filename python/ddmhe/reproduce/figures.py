@@ -24,17 +24,17 @@ def trials_figure(
     event: tuple[float, float] | None = None,
     band: float | None = None,
 ) -> Figure:
-    """History, true and estimated states of the first seed, a panel per state; below, the errors of all seeds.
+    """History, true and estimated states of the first seed, a panel per state; below, the errors of
+    all seeds.
 
     Parameters
     ----------
     trials : Trials
         An experiment of `ddmhe.reproduce`.
-    names : n names of the states
-    quantity : label with its unit in brackets, of states times `scale`
-    colors : which estimators to draw, and their colours
-    event : when noise or disturbance is large, s
-    band : half width of the box around the first seed's centre, in the states' unit: drawn about the centre, with a
+    names : n names of the states quantity : label with its unit in brackets, of states times
+    `scale` colors : which estimators to draw, and their colours event : when noise or disturbance
+    is large, s band : half width of the box around the first seed's centre, in the states' unit:
+    drawn about the centre, with a
         mark wherever one of its bounds was active, unless none ever was
     """
     n = len(names)
@@ -55,7 +55,9 @@ def trials_figure(
     spread = scale * float(np.abs(first.x).max())
     below.set_yscale("log")
     below.set_ylim(max(floor / 2, 1e-9 * spread), min(3 * top, 100 * spread))
-    below.set_ylabel(f"|error|: median and 90 %\nof {len(trials.all)} seeds ({quantity.split('(')[-1]}")
+    below.set_ylabel(
+        f"|error|: median and 90 %\nof {len(trials.all)} seeds ({quantity.split('(')[-1]}"
+    )
     below.set_xlabel("time (s)")
     below.grid(alpha=0.3)
     for axes in panels:
@@ -69,7 +71,12 @@ def trials_figure(
 
 
 def _draw_first(
-    axes: Axes, first: Trial, i: int, scale: float, colors: Mapping[str, str], band: float | None = None
+    axes: Axes,
+    first: Trial,
+    i: int,
+    scale: float,
+    colors: Mapping[str, str],
+    band: float | None = None,
 ) -> None:
     """State i of one trial: history, truth, box and estimates."""
     truth = scale * first.x[:, i]
@@ -84,7 +91,15 @@ def _draw_first(
         acts = first.active > 0
         label = f"box of {next(iter(colors))}: active at {acts.sum()} of {len(acts)} samples"
         if acts.any():
-            axes.fill_between(first.t, middle - half, middle + half, color="0.7", alpha=0.35, linewidth=0, label=label)
+            axes.fill_between(
+                first.t,
+                middle - half,
+                middle + half,
+                color="0.7",
+                alpha=0.35,
+                linewidth=0,
+                label=label,
+            )
             for side in (middle - half, middle + half):
                 axes.plot(first.t[acts], side[acts], ".", color="0.3", markersize=3)
         else:  # a box that never acts is mostly wider than the panel
@@ -96,8 +111,11 @@ def _draw_first(
     axes.grid(alpha=0.3)
 
 
-def parameter_figure(sweep: Mapping[str, Trials], *, quantity: str, colors: Mapping[str, str]) -> Figure:
-    """History, true and estimated state of the first seed for several settings, a panel per estimator.
+def parameter_figure(
+    sweep: Mapping[str, Trials], *, quantity: str, colors: Mapping[str, str]
+) -> Figure:
+    """History, true and estimated state of the first seed for several settings, a panel per
+    estimator.
 
     Parameters
     ----------
@@ -107,13 +125,17 @@ def parameter_figure(sweep: Mapping[str, Trials], *, quantity: str, colors: Mapp
     """
     figure = Figure(figsize=(9.5, 3.2 * len(colors)), layout="constrained")
     for axes, (name, color) in zip(
-        figure.subplots(len(colors), 1, sharex=True, squeeze=False)[:, 0], colors.items(), strict=True
+        figure.subplots(len(colors), 1, sharex=True, squeeze=False)[:, 0],
+        colors.items(),
+        strict=True,
     ):
         _draw_first(axes, next(iter(sweep.values())).all[0], 0, 1.0, {})
         for k, (label, trials) in enumerate(sweep.items()):
             alpha = 0.3 + 0.7 * k / max(len(sweep) - 1, 1)
             first = trials.all[0]
-            axes.plot(first.t, first.x_hat[name][:, 0], color=color, alpha=alpha, label=label, **ESTIMATE)
+            axes.plot(
+                first.t, first.x_hat[name][:, 0], color=color, alpha=alpha, label=label, **ESTIMATE
+            )
         history = next(iter(sweep.values())).all[0].history
         if history is not None:
             shade(axes, history[0])

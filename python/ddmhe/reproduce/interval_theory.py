@@ -1,4 +1,5 @@
-"""The statements of the interval paper's Sections 2 and 3 and of its appendix, each decided by a computation."""
+"""The statements of the interval paper's Sections 2 and 3 and of its appendix, each decided by a
+computation."""
 
 from __future__ import annotations
 
@@ -9,14 +10,22 @@ from ddmhe.reproduce.claims import Claim, holds_if
 
 Array = NDArray[np.float64]
 
-__all__ = ["claims", "equality", "from_norm", "mean_value_point", "reduced_as_printed", "worst_single_step"]
+__all__ = [
+    "claims",
+    "equality",
+    "from_norm",
+    "mean_value_point",
+    "reduced_as_printed",
+    "worst_single_step",
+]
 
 
 def equality(pairs: int = 1000, seed: int = 0) -> tuple[float, float]:
-    """(15), (16) for the pendulum's f: largest |left - right| and how far J leaves [J̲, J̄], over random pairs a, b.
+    """(15), (16) for the pendulum's f: largest |left - right| and how far J leaves [J̲, J̄], over
+    random pairs a, b.
 
-    J = ∫ Df(b + s(a-b)) ds gives Δf = J(a-b), so both hold with equality, whatever the sign of a and b.
-    """
+    J = ∫ Df(b + s(a-b)) ds gives Δf = J(a-b), so both hold with equality, whatever the sign of a
+    and b."""
     rng = np.random.default_rng(seed)
     apart, outside = 0.0, 0.0
     nodes, weights = np.polynomial.legendre.leggauss(40)
@@ -32,7 +41,8 @@ def equality(pairs: int = 1000, seed: int = 0) -> tuple[float, float]:
 
 
 def worst_single_step(lam: float = 0.9) -> tuple[float, float, float]:
-    """‖e‖² for Ã = 0, D1 = I (n = 2), no v, |w| ≤ 1, and what (24) allows with w̄ᵀw̄ and with max w̄² in its place.
+    """‖e‖² for Ã = 0, D1 = I (n = 2), no v, |w| ≤ 1, and what (24) allows with w̄ᵀw̄ and with max
+    w̄² in its place.
 
     P = γI with γ = μw = μv = 1/√(2λ) satisfies (22) and (23) for f = 0; V0 = 0.
     """
@@ -48,7 +58,8 @@ def from_norm(phi: float) -> float:
 
 
 def mean_value_point(points: int = 100_000) -> float:
-    """(51) for f(x) = (cos x1, sin x1) from x̂ = 0 to x = (2π, 0): smallest ‖Δf - Df(x')(x - x̂)‖ over x' between."""
+    """(51) for f(x) = (cos x1, sin x1) from x̂ = 0 to x = (2π, 0): smallest ‖Δf - Df(x')(x - x̂)‖
+    over x' between."""
     s = np.linspace(0, 2 * np.pi, points)
     slope = 2 * np.pi * np.stack([-np.sin(s), np.cos(s)])  # Df(x')(x - x̂); Δf = 0
     return float(np.linalg.norm(slope, axis=0).min())

@@ -21,7 +21,16 @@ Array = NDArray[np.float64]
 T = TypeVar("T")
 Estimators = Mapping[str, Callable[[], Any]]
 
-__all__ = ["ENDS", "Trial", "Trials", "estimates", "in_parallel", "percentiles", "run_grid", "run_trials"]
+__all__ = [
+    "ENDS",
+    "Trial",
+    "Trials",
+    "estimates",
+    "in_parallel",
+    "percentiles",
+    "run_grid",
+    "run_trials",
+]
 
 BAND = (5.0, 50.0, 95.0)
 """Percentiles that are shown: the median and the ends of the 90 % band."""
@@ -68,7 +77,9 @@ class Trials:
     def errors(self, name: str) -> Array:
         """‖x̂ - x‖ (seeds, N); infinite where the estimator has failed."""
         with np.errstate(over="ignore"):
-            found = np.array([np.linalg.norm(trial.x_hat[name] - trial.x, axis=1) for trial in self.all])
+            found = np.array(
+                [np.linalg.norm(trial.x_hat[name] - trial.x, axis=1) for trial in self.all]
+            )
         return np.where(np.isnan(found), np.inf, found)
 
     def band(self, name: str) -> Array:
@@ -83,10 +94,11 @@ class Trials:
             return np.asarray(np.sqrt(np.mean(self.errors(name)[:, part] ** 2, axis=1)))
 
     def scatter(self, name: str, start: float, end: float) -> Array:
-        """Root mean square of x̂ - x about its own cubic trend for start < t - t_0 <= end: (seeds,).
+        """Root mean square of x̂ - x about its own cubic trend for start < t - t_0 <= end:
+        (seeds,).
 
-        What noise does to an estimate, without the bias and the drift that its RMSE about the truth mixes in.
-        """
+        What noise does to an estimate, without the bias and the drift that its RMSE about the truth
+        mixes in."""
         first = self.t[0] - (self.t[1] - self.t[0])
         part = (self.t - first > start + 1e-9) & (self.t - first <= end + 1e-9)
         trend = np.polynomial.legendre.legvander(np.linspace(-1, 1, int(part.sum())), 3)
@@ -98,12 +110,14 @@ class Trials:
 
 
 def percentiles(values: Array) -> Array:
-    """BAND over the seeds, the first axis: (3, …). Nearest ranks, since an error may be infinite."""
+    """BAND over the seeds, the first axis: (3, …). Nearest ranks, since an error may be
+    infinite."""
     return np.asarray(np.percentile(values, BAND, axis=0, method="nearest"))
 
 
 def estimates(estimators: Estimators, Y: Array, n: int) -> dict[str, Array]:
-    """x̂ (N, n) of each estimator over outputs Y (N, p); NaN for one whose numbers have left all bounds.
+    """x̂ (N, n) of each estimator over outputs Y (N, p); NaN for one whose numbers have left all
+    bounds.
 
     Whatever else an estimator raises, at construction or in a run, is an error here, too.
     """
@@ -116,11 +130,15 @@ def estimates(estimators: Estimators, Y: Array, n: int) -> dict[str, Array]:
         except (np.linalg.LinAlgError, OverflowError, FloatingPointError):
             found[name] = np.full((len(Y), n), np.nan)
         if found[name].shape != (len(Y), n):
-            raise ShapeError(f"{name}: expected estimates of shape {(len(Y), n)}, found {found[name].shape}")
+            raise ShapeError(
+                f"{name}: expected estimates of shape {(len(Y), n)}, found {found[name].shape}"
+            )
     return found
 
 
-def run_trials(trial: Callable[..., Trial], seeds: Sequence[int], advance: Callable[[], None], **given: Any) -> Trials:
+def run_trials(
+    trial: Callable[..., Trial], seeds: Sequence[int], advance: Callable[[], None], **given: Any
+) -> Trials:
     """`trial(seed, **given)` for every seed, on all cores; `advance` is called after each."""
     return Trials(in_parallel(trial, seeds, advance, **given))
 
@@ -131,7 +149,8 @@ def run_grid(
     advance: Callable[[], None],
     settings: Sequence[Mapping[str, Any]],
 ) -> list[Trials]:
-    """`trial(seed, **given)` for every seed and every one of the settings, through one pool: Trials of each setting."""
+    """`trial(seed, **given)` for every seed and every one of the settings, through one pool: Trials
+    of each setting."""
     jobs = [(trial, seed, given) for given in settings for seed in seeds]
     found = in_parallel(_grid_job, jobs, advance)
     return [Trials(found[k * len(seeds) : (k + 1) * len(seeds)]) for k in range(len(settings))]
@@ -142,11 +161,14 @@ def _grid_job(job: tuple[Callable[..., Trial], int, Mapping[str, Any]]) -> Trial
     return trial(seed, **given)
 
 
-def in_parallel(function: Callable[..., T], jobs: Sequence[Any], advance: Callable[[], None], **given: Any) -> list[T]:
-    """`function(job, **given)` for every job, in processes on all cores; `advance` is called after each.
+def in_parallel(
+    function: Callable[..., T], jobs: Sequence[Any], advance: Callable[[], None], **given: Any
+) -> list[T]:
+    """`function(job, **given)` for every job, in processes on all cores; `advance` is called after
+    each.
 
-    The processes are not forked from this one, whose threads they would lack. An exception, Ctrl-C above all, ends them
-    at once; a KeyboardInterrupt has the results by then as its `finished`.
+    The processes are not forked from this one, whose threads they would lack. An exception, Ctrl-C
+    above all, ends them at once; a KeyboardInterrupt has the results by then as its `finished`.
 
     Raises
     ------
@@ -179,13 +201,15 @@ def in_parallel(function: Callable[..., T], jobs: Sequence[Any], advance: Callab
 
 
 def _context() -> Any:
-    """How worker processes start where the platform leaves a choice: from a clean process, never a copy of this one."""
+    """How worker processes start where the platform leaves a choice: from a clean process, never a
+    copy of this one."""
     methods = multiprocessing.get_all_start_methods()
     return multiprocessing.get_context("forkserver" if "forkserver" in methods else "spawn")
 
 
 def _start_worker() -> None:
-    """The processes share the cores: no threads inside of them. Ctrl-C is the parent's to act on."""
+    """The processes share the cores: no threads inside of them. Ctrl-C is the parent's to act
+    on."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     os.environ["RAYON_NUM_THREADS"] = "1"
     threadpool_limits(1)

@@ -1,4 +1,5 @@
-"""The interval paper's example: the pendulum (60), its two figures, and every method side by side."""
+"""The interval paper's example: the pendulum (60), its two figures, and every method side by
+side."""
 
 from __future__ import annotations
 
@@ -16,7 +17,19 @@ from ddmhe.reproduce.claims import Claim, holds_if
 
 Array = NDArray[np.float64]
 
-__all__ = ["CENTER", "DT", "MEASURES", "PAPER", "TIGHT", "Sets", "claims", "design", "measures", "trial", "widths"]
+__all__ = [
+    "CENTER",
+    "DT",
+    "MEASURES",
+    "PAPER",
+    "TIGHT",
+    "Sets",
+    "claims",
+    "design",
+    "measures",
+    "trial",
+    "widths",
+]
 
 DT = 0.065
 """Sampling interval, s."""
@@ -54,7 +67,9 @@ class Sets:
 
 
 @cache
-def design(lmi: interval.observer_design.Lmi = "paper", lam: float | None = LAM) -> interval.ObserverDesign:
+def design(
+    lmi: interval.observer_design.Lmi = "paper", lam: float | None = LAM
+) -> interval.ObserverDesign:
     """The gain for the pendulum."""
     return interval.design_observer(interval.pendulum(), lam, lmi=lmi)
 
@@ -65,7 +80,8 @@ def _baseline() -> TahirIntervalObserver:
 
 
 def disturbances(seed: int) -> tuple[Array, Array, Array]:
-    """x(0) (2,), w (N, 2), v (N, 1): uniform, extreme, constant or switching in turn; seed 0 has the paper's x(0)."""
+    """x(0) (2,), w (N, 2), v (N, 1): uniform, extreme, constant or switching in turn; seed 0 has
+    the paper's x(0)."""
     rng = np.random.default_rng(seed)
     kind = seed % 4
     if kind == 0:
@@ -90,7 +106,9 @@ def trial(seed: int) -> Sets:
     found: dict[str, tuple[Array, Array]] = {}
 
     def observer(method: str, reduction: str = "pca") -> interval.IntervalObserver:
-        return interval.IntervalObserver(s, design(), CENTER, RADIUS, W, V, ORDER, method, reduction)
+        return interval.IntervalObserver(
+            s, design(), CENTER, RADIUS, W, V, ORDER, method, reduction
+        )
 
     o = observer("paper")
     hulls = []
@@ -135,7 +153,8 @@ def worst_V0() -> float:
 
 
 def from_start(trial: Sets, name: str) -> tuple[Array, Array]:
-    """(lower, upper) of x(0) to x(N), (N+1, 2): with the initial box, or the ball about it, before the first output."""
+    """(lower, upper) of x(0) to x(N), (N+1, 2): with the initial box, or the ball about it, before
+    the first output."""
     lower, upper = trial.printed if name == PRINTED_BALL else trial.bounds[name]
     balls = {BALL: radii(worst_V0())[0], PRINTED_BALL: PRINTED_PHI}
     half = np.full(2, balls[name]) if name in balls else RADIUS
@@ -147,7 +166,10 @@ MEASURES = ("x1 (rad)", "x2 (rad/s)")
 
 def measures(trials: list[Sets]) -> dict[str, Array]:
     """Full widths (seeds, N, 2) of each method."""
-    return {name: np.array([t.bounds[name][1] - t.bounds[name][0] for t in trials]) for name in trials[0].bounds}
+    return {
+        name: np.array([t.bounds[name][1] - t.bounds[name][0] for t in trials])
+        for name in trials[0].bounds
+    }
 
 
 def widths(found: Mapping[str, Array]) -> dict[str, Array]:
@@ -156,7 +178,8 @@ def widths(found: Mapping[str, Array]) -> dict[str, Array]:
 
 
 def left_the_ball(V0: float) -> float:
-    """Share of 200 disturbed runs from the worst vertex of the box that leave the ball (44) of this V0."""
+    """Share of 200 disturbed runs from the worst vertex of the box that leave the ball (44) of this
+    V0."""
     s, g = interval.pendulum(), design()
     f = s.f if s.f is not None else np.zeros_like
     phi = radii(V0)
@@ -239,7 +262,8 @@ def _initial_claims() -> list[Claim]:
     g, V0 = design(), worst_V0()
     radius = float(RADIUS @ g.P @ RADIUS)
     phi, scaled = (
-        float(np.sqrt(g.mu * (g.lam * radius + g.mu_w * power(v)))) for v in (V, abs(interval.pendulum().D2[0, 0]) * V)
+        float(np.sqrt(g.mu * (g.lam * radius + g.mu_w * power(v))))
+        for v in (V, abs(interval.pendulum().D2[0, 0]) * V)
     )
     sound = float(radii(V0)[0])
     left = left_the_ball(V0_of(PRINTED_PHI))
@@ -249,7 +273,9 @@ def _initial_claims() -> list[Claim]:
             "φ0 is the value of (44) at k = 0",
             "φ0 = 1.15",
             f"V0 of the radius vector (0.1, 1): {radius:.4f}, φ0 = {phi:.4g}; with D2 v̄ for v̄: {scaled:.4g}",
-            "holds with …" if abs(scaled - PRINTED_PHI) < 0.01 else holds_if(abs(phi - PRINTED_PHI) < 0.01),
+            "holds with …"
+            if abs(scaled - PRINTED_PHI) < 0.01
+            else holds_if(abs(phi - PRINTED_PHI) < 0.01),
             "with V0 of the radius vector and the noise bound taken after D2, cut after two decimals",
         ),
         Claim(
@@ -271,7 +297,9 @@ def _figure_1(trials: list[Sets], mean: Mapping[str, Array]) -> list[Claim]:
         name: np.mean([0.5 * np.subtract(*from_start(t, name)[::-1])[:, 1] for t in trials], axis=0)
         for name in (ZONOTOPE, BALL, PRINTED_BALL)
     }
-    first = {name: int(np.sum(half[name][:10] < half[ZONOTOPE][:10])) for name in (BALL, PRINTED_BALL)}
+    first = {
+        name: int(np.sum(half[name][:10] < half[ZONOTOPE][:10])) for name in (BALL, PRINTED_BALL)
+    }
 
     def early(name: str) -> str:
         return "/".join(f"{value:.3f}" for value in half[name][1:4])
@@ -301,7 +329,9 @@ def _figure_1(trials: list[Sets], mean: Mapping[str, Array]) -> list[Claim]:
             "",
             f"half width of x2 at k = 1/2/3: zonotope {early(ZONOTOPE)}, ball {early(BALL)}, with the printed φ0 "
             f"{early(PRINTED_BALL)}; tighter at {first[BALL]} and {first[PRINTED_BALL]} of the first 10 samples",
-            holds_if(True) if first[BALL] else ("holds with …" if first[PRINTED_BALL] else "does not hold"),
+            holds_if(True)
+            if first[BALL]
+            else ("holds with …" if first[PRINTED_BALL] else "does not hold"),
             "with the unsound φ0 = 1.15 alone, as printed; with the sound one the zonotope is never looser on x2",
         ),
     ]
@@ -311,10 +341,13 @@ def _figure_2(trials: list[Sets], mean: Mapping[str, Array]) -> list[Claim]:
     """Comprehensive method against the interval observer of Tahir & Açıkmeşe, a reconstruction."""
 
     def width(name: str) -> Array:
-        return np.asarray(np.mean([np.subtract(*t.bounds[name][::-1])[:, 1] for t in trials], axis=0))
+        return np.asarray(
+            np.mean([np.subtract(*t.bounds[name][::-1])[:, 1] for t in trials], axis=0)
+        )
 
     cut = [
-        np.minimum(t.printed[1], t.bounds[ZONOTOPE][1]) - np.maximum(t.printed[0], t.bounds[ZONOTOPE][0])
+        np.minimum(t.printed[1], t.bounds[ZONOTOPE][1])
+        - np.maximum(t.printed[0], t.bounds[ZONOTOPE][0])
         for t in trials
     ]
     with_printed = np.mean(cut, axis=0)[:, 1]
@@ -327,7 +360,9 @@ def _figure_2(trials: list[Sets], mean: Mapping[str, Array]) -> list[Claim]:
             "The intersection (59) is tighter than either bound",
             "",
             f"full width x1/x2: (59) {_pair(mean, PAPER)}, zonotope {_pair(mean, ZONOTOPE)}",
-            holds_if(True) if bool((mean[PAPER] < 0.999 * mean[ZONOTOPE]).all()) else "holds with …",
+            holds_if(True)
+            if bool((mean[PAPER] < 0.999 * mean[ZONOTOPE]).all())
+            else "holds with …",
             "never looser; with the sound φ0 it is the zonotope alone",
         ),
         Claim(

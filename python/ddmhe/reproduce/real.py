@@ -1,9 +1,9 @@
 """All estimators on measured pendulum logs: gyroscope from accelerometer.
 
-The task (RepoIMU logs): every fourth sample (about 24 ms), start 20 samples after |ω| first exceeds 0.5 rad/s, 3.6 s of
-history with state ω (3) and output specific force (3), then estimate ω from the accelerometer alone until the log ends.
-The score is the NRMSE over all axes. Gaps of the log are filled: outputs there count as not measured.
-"""
+The task (RepoIMU logs): every fourth sample (about 24 ms), start 20 samples after |ω| first exceeds
+0.5 rad/s, 3.6 s of history with state ω (3) and output specific force (3), then estimate ω from the
+accelerometer alone until the log ends. The score is the NRMSE over all axes. Gaps of the log are
+filled: outputs there count as not measured."""
 
 from __future__ import annotations
 
@@ -26,7 +26,10 @@ Array = NDArray[np.float64]
 
 __all__ = ["PendulumTask", "pendulum_scores", "pendulum_task"]
 
-STATE, OUTPUT = ([f"{kind}_{axis}_{unit}" for axis in "xyz"] for kind, unit in (("omega", "rad_s"), ("acc", "m_s2")))
+STATE, OUTPUT = (
+    [f"{kind}_{axis}_{unit}" for axis in "xyz"]
+    for kind, unit in (("omega", "rad_s"), ("acc", "m_s2"))
+)
 DECIMATE, HISTORY = 4, 3.6
 SWING, LEAD = 0.5, 20
 """The task begins LEAD samples after |ω| first exceeds SWING, rad/s."""
@@ -48,11 +51,15 @@ def pendulum_task(path: str | Path) -> PendulumTask:
     log = read_log(path, STATE, OUTPUT, decimate=DECIMATE)
     swinging = np.linalg.norm(log.x, axis=1) > SWING
     if not swinging.any():
-        raise DdmheError(f"path: expected a log in which |omega| exceeds {SWING:g} rad/s, {str(path)!r} has none")
+        raise DdmheError(
+            f"path: expected a log in which |omega| exceeds {SWING:g} rad/s, {str(path)!r} has none"
+        )
     start = log.t[min(int(np.argmax(swinging)) + LEAD, len(log.t) - 1)]
     split = read_log(path, STATE, OUTPUT, decimate=DECIMATE, start=start).fill_gaps().split(HISTORY)
     if split.x_true is None:
-        raise DdmheError(f"path: expected a log with states after the history, {str(path)!r} has none")
+        raise DdmheError(
+            f"path: expected a log with states after the history, {str(path)!r} has none"
+        )
     return PendulumTask(split.history, split.Y, split.x_true)
 
 
@@ -83,7 +90,9 @@ def pendulum_scores(paths: list[Path], advance: Callable[[], None]) -> pd.DataFr
     """Pooled NRMSE, one row per log and one column per estimator; infinite where one diverges."""
 
     def table(rows: list[dict[str, float]]) -> pd.DataFrame:
-        return pd.DataFrame(rows, index=pd.Index([path.stem for path in paths[: len(rows)]], name="log"))
+        return pd.DataFrame(
+            rows, index=pd.Index([path.stem for path in paths[: len(rows)]], name="log")
+        )
 
     try:
         return table(in_parallel(_scores, paths, advance))

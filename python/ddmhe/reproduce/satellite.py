@@ -1,4 +1,5 @@
-"""The 3-DOF case, Liu et al. 2026, Section IV-B: Figs. 7 and 8, and every estimator at several noise levels."""
+"""The 3-DOF case, Liu et al. 2026, Section IV-B: Figs. 7 and 8, and every estimator at several
+noise levels."""
 
 from __future__ import annotations
 
@@ -26,7 +27,8 @@ JUDGED = 0.01
 SPANS = (20.0, 40.0, 100.0, 180.0)
 """Spans of the errors, s after the history; the last one only at JUDGED."""
 LAST = 20.0
-"""An estimate has diverged when it is off by more than half of the initial rate over the last LAST seconds."""
+"""An estimate has diverged when it is off by more than half of the initial rate over the last LAST
+seconds."""
 
 MHE, DEFAULTS, KMHE, TUNED_KMHE = bench.MHE, bench.DEFAULTS, bench.KMHE, "Dd-KMHE, tuned"
 ESKF, EKF = bench.ESKF, bench.EKF
@@ -47,7 +49,9 @@ def spans(trials: Trials) -> tuple[float, ...]:
     return tuple(span for span in SPANS if span <= length + 1e-9)
 
 
-def estimators(history: History, model: models.Detumbling, recorded: float, noise: float, seed: int) -> Estimators:
+def estimators(
+    history: History, model: models.Detumbling, recorded: float, noise: float, seed: int
+) -> Estimators:
     """What takes part, by name; `seed` draws the centres of Dd-KMHE."""
     box: dict[str, Any] = {"x_bounds": (-case.BOX, case.BOX), "x_center": "history"}
     (x, _) = history.recordings[0]
@@ -64,7 +68,9 @@ def estimators(history: History, model: models.Detumbling, recorded: float, nois
         "ARX Kalman filter": lambda: ArxKalman(history),
         "ridge FIR": lambda: RidgeFir(history),
         EKF: lambda: Oracle(model, case.DT, x[-1], noise, prior=prior),
-        "UKF with the true model": lambda: Oracle(model, case.DT, x[-1], noise, prior=prior, kind="ukf"),
+        "UKF with the true model": lambda: Oracle(
+            model, case.DT, x[-1], noise, prior=prior, kind="ukf"
+        ),
     }
 
 
@@ -81,13 +87,16 @@ def trial(seed: int, noise: float, recorded: float, span: float = SPANS[-2]) -> 
     Y = record.y[case.T : -1]
     found = estimates(estimators(history, model, recorded, noise, seed), Y, 3)
     printed = case.PAPER["horizon"], case.PAPER["rho"], case.PAPER["mu"]
-    center, active = bench.box(history, Y, *printed, case.PAPER["space"].rank) if seed == 0 else (None, None)
+    center, active = (
+        bench.box(history, Y, *printed, case.PAPER["space"].rank) if seed == 0 else (None, None)
+    )
     known = record.t[: case.T + 1], x
     return Trial(record.t[case.T + 1 :], record.x[case.T + 1 :], Y, found, known, center, active)
 
 
 def diverged(trials: Trials, name: str) -> float:
-    """Share of the seeds whose estimate is off by more than half of the initial rate over the last LAST seconds."""
+    """Share of the seeds whose estimate is off by more than half of the initial rate over the last
+    LAST seconds."""
     end = float(trials.t[-1]) - case.HISTORY
     limit = 0.5 * float(np.linalg.norm(models.detumbling().omega_0))
     return float(np.mean(trials.rms(name, end - LAST, end) > limit))
@@ -105,7 +114,9 @@ def claims(clean: Trials, noisy: Trials) -> list[Claim]:
         return "/".join(f"{rms(trials, name, span):.2g}" for span in spans(trials))
 
     def curves(name: str) -> str:
-        return f"{bench.short(name)} {curve(name, clean)}, noisy recording {curve(name, noisy)} deg/s"
+        return (
+            f"{bench.short(name)} {curve(name, clean)}, noisy recording {curve(name, noisy)} deg/s"
+        )
 
     over = f"over {'/'.join(f'{span:g}' for span in SPANS)} s"
     well = {
@@ -120,12 +131,16 @@ def claims(clean: Trials, noisy: Trials) -> list[Claim]:
     }
     stable = {case: error < 0.5 * initial for case, error in worst.items()}
     rivals = {
-        f"{label} {span:g} s": all(rms(trials, MHE, span) < rms(trials, name, span) for name in (KMHE, ESKF))
+        f"{label} {span:g} s": all(
+            rms(trials, MHE, span) < rms(trials, name, span) for name in (KMHE, ESKF)
+        )
         for label, trials in both.items()
         for span in spans(trials)
     }
     best = {
-        f"{label} {span:g} s": min((rms(trials, name, span), name) for name in trials.names if "true model" not in name)
+        f"{label} {span:g} s": min(
+            (rms(trials, name, span), name) for name in trials.names if "true model" not in name
+        )
         for label, trials in both.items()
         for span in SPANS[-2:]
     }
@@ -134,7 +149,9 @@ def claims(clean: Trials, noisy: Trials) -> list[Claim]:
     def diverges(name: str) -> tuple[dict[str, bool], str]:
         share = {label: diverged(trials, name) for label, trials in both.items()}
         words = ", ".join(f"{label} {value:.0%}" for label, value in share.items())
-        return {label: value > 0.5 for label, value in share.items()}, f"{words} of the seeds; {curves(name)}"
+        return {
+            label: value > 0.5 for label, value in share.items()
+        }, f"{words} of the seeds; {curves(name)}"
 
     kmhe, kmhe_words = diverges(KMHE)
     eskf, eskf_words = diverges(ESKF)
@@ -186,7 +203,9 @@ def claims(clean: Trials, noisy: Trials) -> list[Claim]:
             "Dd-KMHE and Dd-ESKF need a lot of data, Dd-MHE does not",
             "",
             "the most accurate from the same 200 samples: "
-            + "; ".join(f"{case} {name} ({error:.2g} deg/s)" for case, (error, name) in best.items()),
+            + "; ".join(
+                f"{case} {name} ({error:.2g} deg/s)" for case, (error, name) in best.items()
+            ),
             verdict(needs),
             "criterion: a Dd-MHE is the most accurate data-driven estimator, on both recordings, over 100 and 180 s",
         ),

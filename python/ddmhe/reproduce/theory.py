@@ -1,10 +1,11 @@
-"""The statements of Liu et al. 2026, Sections II-B, III-B and the appendix, each decided by a computation.
+"""The statements of Liu et al. 2026, Sections II-B, III-B and the appendix, each decided by a
+computation.
 
-The example against (25), (31) and (34) satisfies everything that the paper asks for, and the 6 ≤ μ that its proof of
-(19) needs besides: A = [[1, 10], [0, 1]], C = 1000 I, L = -A/1000, so that A_L = 0; ρ = 0.05, μ = 6, M = 3, no noise,
-the prior is right, and one disturbance of size 1 enters x2. A window that contains it is no trajectory of the
-noise-free system: the candidate of the proof of Theorem 1 is not feasible for M ≥ 2.
-"""
+The example against (25), (31) and (34) satisfies everything that the paper asks for, and the 6 ≤ μ
+that its proof of (19) needs besides: A = [[1, 10], [0, 1]], C = 1000 I, L = -A/1000, so that A_L =
+0; ρ = 0.05, μ = 6, M = 3, no noise, the prior is right, and one disturbance of size 1 enters x2. A
+window that contains it is no trajectory of the noise-free system: the candidate of the proof of
+Theorem 1 is not feasible for M ≥ 2."""
 
 from __future__ import annotations
 
@@ -29,10 +30,11 @@ __all__ = ["LEFT", "Example", "claims", "lemma_1", "linearisation", "one_step", 
 
 
 def lemma_1(count: int = 200, seed: int = 0, ones: bool = True) -> tuple[float, float]:
-    """Both directions of Lemma 1 on random systems (6): the largest relative misfit of "only if" and of "if".
+    """Both directions of Lemma 1 on random systems (6): the largest relative misfit of "only if"
+    and of "if".
 
-    "only if": distance of another trajectory from the range of (8). "if": by how much a random α with 1ᵀα = 1 leaves
-    (6), with the recorded windows as data; without the row of `ones` α is any.
+    "only if": distance of another trajectory from the range of (8). "if": by how much a random α
+    with 1ᵀα = 1 leaves (6), with the recorded windows as data; without the row of `ones` α is any.
     """
     rng = np.random.default_rng(seed)
     only_if = if_ = 0.0
@@ -42,7 +44,9 @@ def lemma_1(count: int = 200, seed: int = 0, ones: bool = True) -> tuple[float, 
         A *= rng.uniform(0.7, 1.0) / np.abs(np.linalg.eigvals(A)).max()
         C, e, r = rng.standard_normal((p, n)), rng.standard_normal(n), rng.standard_normal(p)
 
-        def trajectory(steps: int, A: Array = A, C: Array = C, e: Array = e, r: Array = r) -> tuple[Array, Array]:
+        def trajectory(
+            steps: int, A: Array = A, C: Array = C, e: Array = e, r: Array = r
+        ) -> tuple[Array, Array]:
             x = [rng.standard_normal(len(e))]
             for _ in range(steps):
                 x.append(A @ x[-1] + e)
@@ -50,18 +54,25 @@ def lemma_1(count: int = 200, seed: int = 0, ones: bool = True) -> tuple[float, 
 
         x, y = trajectory(L + n + 3)
         columns = range(len(y) - L + 1)
-        H = np.array([np.concatenate([x[k : k + L + 1].ravel(), y[k : k + L].ravel()]) for k in columns]).T
+        H = np.array(
+            [np.concatenate([x[k : k + L + 1].ravel(), y[k : k + L].ravel()]) for k in columns]
+        ).T
         if np.linalg.cond(np.vstack([x[: len(columns)].T, np.ones(len(columns))])) > 1e4:
             continue  # (7) holds, but not by enough for double precision to tell
         other = np.concatenate([part.ravel() for part in trajectory(L)])
         full, wanted = np.vstack([H, np.ones(len(columns))]), np.append(other, 1.0)
         alpha = np.linalg.lstsq(full, wanted, rcond=None)[0]
-        only_if = max(only_if, float(np.linalg.norm(full @ alpha - wanted) / np.linalg.norm(wanted)))
+        only_if = max(
+            only_if, float(np.linalg.norm(full @ alpha - wanted) / np.linalg.norm(wanted))
+        )
         alpha = rng.standard_normal(len(columns))
         if ones:
             alpha += (1 - alpha.sum()) / len(alpha)
         window = H @ alpha
-        states, outputs = window[: (L + 1) * n].reshape(L + 1, n), window[(L + 1) * n :].reshape(L, p)
+        states, outputs = (
+            window[: (L + 1) * n].reshape(L + 1, n),
+            window[(L + 1) * n :].reshape(L, p),
+        )
         off = [states[1:] - states[:-1] @ A.T - e, outputs - states[:-1] @ C.T - r]
         if_ = max(if_, float(max(np.abs(each).max() for each in off) / np.abs(window).max()))
     return only_if, if_
@@ -71,7 +82,8 @@ def lemma_1(count: int = 200, seed: int = 0, ones: bool = True) -> tuple[float, 
 
 
 def one_step(A: Array, C: Array, rho: float, mu: float) -> float:
-    """Smallest eigenvalue of (19)'s right side minus its left side: (19) holds if and only if it is not negative.
+    """Smallest eigenvalue of (19)'s right side minus its left side: (19) holds if and only if it is
+    not negative.
 
     The quadratic form is in (x_Δ, e_Δ, w_Δ, r_Δ, v_Δ), which are free; y_Δ = C x_Δ + r_Δ + v_Δ.
     """
@@ -124,16 +136,21 @@ class Example:
         return History.concat(parts)
 
     def allowed(self) -> tuple[float, float]:
-        """What (25) and (34) allow for ‖x - x̂‖ at `steps`; the prior is exact before the disturbance, v = 0."""
+        """What (25) and (34) allow for ‖x - x̂‖ at `steps`; the prior is exact before the
+        disturbance, v = 0."""
         age = self.steps - 1 - self.when
         kappa = (4 * self.rho**self.M) ** (1 / self.M)
-        return float(np.sqrt(self.rho**age * self.mu)), float(np.sqrt(kappa) ** age * np.sqrt(self.mu))
+        return float(np.sqrt(self.rho**age * self.mu)), float(
+            np.sqrt(kappa) ** age * np.sqrt(self.mu)
+        )
 
     def run(self) -> tuple[float, float]:
         """‖x - x̂‖ at `steps`, and the optimal cost J* there; (31) has J = 0 on its right."""
         scalar_certificate(self.A, self.C, self.gain, self.rho, self.mu)  # raises unless (24) holds
         truth = self.truth()
-        estimator = DdMhe(self.history(), self.M, self.rho, self.mu, x_prior=truth[0], space=Exact())
+        estimator = DdMhe(
+            self.history(), self.M, self.rho, self.mu, x_prior=truth[0], space=Exact()
+        )
         log = estimator.run(truth[:-1] @ self.C.T)
         return float(np.linalg.norm(log.x[-1] - truth[-1])), float(log.cost[-1])
 
@@ -142,7 +159,8 @@ class Example:
 
 
 def region_sign(A: Array, radius: float, X: Array) -> tuple[float, float]:
-    """Smallest and largest eigenvalue of (48)'s left side for the disc of (49): L = -r I, M = [[0, 1], [0, 0]]."""
+    """Smallest and largest eigenvalue of (48)'s left side for the disc of (49): L = -r I, M = [[0,
+    1], [0, 0]]."""
     block = np.block([[-radius * X, A @ X], [(A @ X).T, -radius * X]])
     values = np.linalg.eigvalsh(block)
     return float(values[0]), float(values[-1])
@@ -151,16 +169,23 @@ def region_sign(A: Array, radius: float, X: Array) -> tuple[float, float]:
 # --- the linearisation (5) along the 3-DOF motion
 
 
-LEFT = ("s after the history", "largest w (deg/s per step)", "largest v (N m)", "(34) allows (deg/s)")
+LEFT = (
+    "s after the history",
+    "largest w (deg/s per step)",
+    "largest v (N m)",
+    "(34) allows (deg/s)",
+)
 """What `linearisation` gives."""
 
 
-def linearisation(ends: tuple[float, ...] = (20.0, 40.0, 100.0, 180.0)) -> list[tuple[float, float, float, float]]:
-    """Per span after the history: its end, s, largest ‖w‖, deg/s, largest ‖v‖, N·m, and what (34) allows, deg/s.
+def linearisation(
+    ends: tuple[float, ...] = (20.0, 40.0, 100.0, 180.0),
+) -> list[tuple[float, float, float, float]]:
+    """Per span after the history: its end, s, largest ‖w‖, deg/s, largest ‖v‖, N·m, and what (34)
+    allows, deg/s.
 
-    (5) is the linearisation of (4) at the last recorded state, w and v what it leaves along the noise-free motion. (34)
-    with the printed ρ, μ and M, and an exact prior.
-    """
+    (5) is the linearisation of (4) at the last recorded state, w and v what it leaves along the
+    noise-free motion. (34) with the printed ρ, μ and M, and an exact prior."""
     model = models.detumbling()
     x = model.simulate(case.HISTORY + ends[-1], case.DT).x[case.T :]
 
@@ -179,13 +204,19 @@ def linearisation(ends: tuple[float, ...] = (20.0, 40.0, 100.0, 180.0)) -> list[
         for end in ends:
             if abs(t - end) < 0.5 * case.DT:
                 rows.append(
-                    (end, float(np.rad2deg(w[: k + 1].max())), float(v[: k + 1].max()), float(np.rad2deg(allowed)))
+                    (
+                        end,
+                        float(np.rad2deg(w[: k + 1].max())),
+                        float(v[: k + 1].max()),
+                        float(np.rad2deg(allowed)),
+                    )
                 )
     return rows
 
 
 def slope(f: Any, x: Array) -> Array:
-    """Jacobian of f (m, n) at x (n,) by central differences; exact to rounding for a quadratic f."""
+    """Jacobian of f (m, n) at x (n,) by central differences; exact to rounding for a quadratic
+    f."""
     h = 1e-3 * float(np.linalg.norm(x))
     return np.array([(f(x + step) - f(x - step)) / (2 * h) for step in h * np.eye(len(x))]).T
 

@@ -1,4 +1,5 @@
-//! The box of x: contracted with the measurements, backward and forward through the last transitions, and with the zonotope.
+//! The box of x: contracted with the measurements, backward and forward through the last
+//! transitions, and with the zonotope.
 
 use super::{Dynamics, IntervalObserver, Method};
 use crate::error::Error;
@@ -24,7 +25,8 @@ pub(super) struct Cut {
     strips: Vec<Interval>, // C e (p)
 }
 
-/// A later state is in offset + slope (x - c) for every x of a box: the mean-value form, row by row.
+/// A later state is in offset + slope (x - c) for every x of a box: the mean-value form, row by
+/// row.
 #[derive(Debug, Clone)]
 pub(super) struct MeanValue {
     c: Vec<f64>,
@@ -48,22 +50,27 @@ impl MeanValue {
         let n = self.c.len();
         let mut slope = Vec::with_capacity(n * n);
         for row in self.slope.chunks_exact(n) {
-            slope.extend((0..n).map(|j| (0..n).fold(Interval::ZERO, |s, l| s + row[l] * first.slope[l * n + j])));
+            slope.extend(
+                (0..n).map(|j| {
+                    (0..n).fold(Interval::ZERO, |s, l| s + row[l] * first.slope[l * n + j])
+                }),
+            );
         }
         MeanValue { c: first.c.clone(), offset: self.image(&first.offset), slope }
     }
 }
 
 impl<D: Dynamics> IntervalObserver<D> {
-    /// Contracts the boxes of the last transitions with their outputs, backward and forward; `Paper` only the last output.
+    /// Contracts the boxes of the last transitions with their outputs, backward and forward;
+    /// `Paper` only the last output.
     pub(super) fn contract(&self, past: &mut [Past]) -> Result<(), Error> {
         let last = past.len() - 1;
         self.contract_output(&mut past[last])?;
         if self.method == Method::Paper {
             return Ok(());
         }
-        // maps from x(k) to x(k+1) and, composed, to the newest state; what is composed keeps the correlations that
-        // boxes in between would lose
+        // maps from x(k) to x(k+1) and, composed, to the newest state; what is composed keeps the
+        // correlations that boxes in between would lose
         let mut maps: Vec<(MeanValue, MeanValue)> = Vec::with_capacity(last);
         for k in (0..last).rev() {
             let one = self.linearised(&past[k])?;
@@ -99,14 +106,25 @@ impl<D: Dynamics> IntervalObserver<D> {
     }
 
     /// x within what its image under the map allows, row by row.
-    fn backward(&self, map: &MeanValue, x: &mut [Interval], image: &[Interval]) -> Result<(), Error> {
+    fn backward(
+        &self,
+        map: &MeanValue,
+        x: &mut [Interval],
+        image: &[Interval],
+    ) -> Result<(), Error> {
         let shifted = map.shifted(x);
         let mut narrowed = shifted.clone();
         for (i, image) in image.iter().enumerate() {
             let sum = *image - map.offset[i];
-            self.contract_row(&map.slope[i * self.n..(i + 1) * self.n], sum, &shifted, &mut narrowed)?;
+            self.contract_row(
+                &map.slope[i * self.n..(i + 1) * self.n],
+                sum,
+                &shifted,
+                &mut narrowed,
+            )?;
         }
-        let back: Vec<Interval> = narrowed.iter().zip(&map.c).map(|(x, &c)| *x + Interval::point(c)).collect();
+        let back: Vec<Interval> =
+            narrowed.iter().zip(&map.c).map(|(x, &c)| *x + Interval::point(c)).collect();
         self.narrow(x, &back)
     }
 
@@ -135,14 +153,23 @@ impl<D: Dynamics> IntervalObserver<D> {
     }
 
     /// Narrows x to what row·x = sum leaves of it, entry by entry.
-    fn contract_row(&self, row: &[Interval], sum: Interval, x: &[Interval], out: &mut [Interval]) -> Result<(), Error> {
+    fn contract_row(
+        &self,
+        row: &[Interval],
+        sum: Interval,
+        x: &[Interval],
+        out: &mut [Interval],
+    ) -> Result<(), Error> {
         for (j, a) in row.iter().enumerate() {
             if a.contains(0.0) {
                 continue;
             }
-            let others = (0..row.len()).filter(|&l| l != j).fold(Interval::ZERO, |s, l| s + row[l] * x[l]);
+            let others =
+                (0..row.len()).filter(|&l| l != j).fold(Interval::ZERO, |s, l| s + row[l] * x[l]);
             let back = (sum - others) / *a;
-            out[j] = out[j].intersect(back).ok_or_else(|| self.violation(j, [out[j], back].into_iter()))?;
+            out[j] = out[j]
+                .intersect(back)
+                .ok_or_else(|| self.violation(j, [out[j], back].into_iter()))?;
         }
         Ok(())
     }
@@ -160,15 +187,24 @@ impl<D: Dynamics> IntervalObserver<D> {
         for (i, axis) in diagonal(&vec![1.0; self.n]).chunks_exact(self.n).enumerate() {
             let known = Interval::point(self.center[i]) + self.along(axis, cut, i)?;
             let x = past.x[i];
-            past.x[i] = x.intersect(known).ok_or_else(|| self.violation(i, [x, known].into_iter()))?;
+            past.x[i] =
+                x.intersect(known).ok_or_else(|| self.violation(i, [x, known].into_iter()))?;
         }
         Ok(())
     }
 
-    /// Bounds of row i of (A + \[J\]) e + D1 w, with the zonotope's correlations; e = x - x̂ also lies in the box of x.
-    pub(super) fn along_row(&self, i: usize, J: &[Interval], cut: &Cut, past: &Past) -> Result<Interval, Error> {
+    /// Bounds of row i of (A + \[J\]) e + D1 w, with the zonotope's correlations; e = x - x̂ also
+    /// lies in the box of x.
+    pub(super) fn along_row(
+        &self,
+        i: usize,
+        J: &[Interval],
+        cut: &Cut,
+        past: &Past,
+    ) -> Result<Interval, Error> {
         let row = i * self.n..(i + 1) * self.n;
-        let slope = J[row.clone()].iter().zip(&self.system.A[row]).map(|(j, &a)| *j + Interval::point(a));
+        let slope =
+            J[row.clone()].iter().zip(&self.system.A[row]).map(|(j, &a)| *j + Interval::point(a));
         let (mut middle, mut spread) = (Vec::with_capacity(self.n), self.disturbance[i]);
         for (slope, (x, &c)) in slope.zip(past.x.iter().zip(&self.center)) {
             middle.push(slope.mid());

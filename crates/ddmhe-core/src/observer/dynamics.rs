@@ -4,9 +4,11 @@ use crate::error::Error;
 use crate::interval::{Interval, dot, points, weighted};
 use crate::rounding::inflation;
 
-/// The nonlinear part f of the system and its Jacobian. Implementations must enclose: the guarantee rests on them.
+/// The nonlinear part f of the system and its Jacobian. Implementations must enclose: the guarantee
+/// rests on them.
 pub trait Dynamics {
-    /// Encloses f(x) at a single point (n). Wider than rounding where f depends on parameters known within bounds.
+    /// Encloses f(x) at a single point (n). Wider than rounding where f depends on parameters known
+    /// within bounds.
     ///
     /// # Errors
     /// What the implementation cannot compute.
@@ -18,7 +20,8 @@ pub trait Dynamics {
     /// What the implementation cannot compute.
     fn jacobian(&self, x: &[Interval], out: &mut [Interval]) -> Result<(), Error>;
 
-    /// Bound on |y - C x - r - D2 v| over a box (n), (p): zero unless C or r are known within bounds only.
+    /// Bound on |y - C x - r - D2 v| over a box (n), (p): zero unless C or r are known within
+    /// bounds only.
     ///
     /// # Errors
     /// What the implementation cannot compute.
@@ -49,8 +52,9 @@ impl Dynamics for Pendulum {
     }
 }
 
-/// Euler's equations with a braking torque linear in the rate, forward Euler, parameters within bounds:
-/// f(x) = dt((a1 x2 x3, a2 x3 x1, a3 x1 x2) + ΔN x), y = C x with |C - C_nominal| ≤ output_radius.
+/// Euler's equations with a braking torque linear in the rate, forward Euler, parameters within
+/// bounds: f(x) = dt((a1 x2 x3, a2 x3 x1, a3 x1 x2) + ΔN x), y = C x with |C - C_nominal| ≤
+/// output_radius.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Euler {
     /// dt·(J2-J3)/J1, dt·(J3-J1)/J2, dt·(J1-J2)/J3
@@ -83,15 +87,17 @@ impl Dynamics for Euler {
 
     fn output_error(&self, x: &[Interval], out: &mut [f64]) -> Result<(), Error> {
         for (j, row) in self.output_radius.chunks_exact(3).enumerate() {
-            let reach = row.iter().zip(x).map(|(&r, x)| Interval::point(r) * Interval::point(x.mag()));
+            let reach =
+                row.iter().zip(x).map(|(&r, x)| Interval::point(r) * Interval::point(x.mag()));
             out[j] = reach.fold(Interval::ZERO, |sum, r| sum + r).hi;
         }
         Ok(())
     }
 }
 
-/// f(x) = offset + Δ(x; 1) with one parameter set a row: row i of Δ is in the rotated box {Σ_j β_j s_ij q_ij : |β_j| ≤ 1}. The first
-/// n rows belong to the state, the others to the output. Axis-parallel q are an interval matrix (Remark 2).
+/// f(x) = offset + Δ(x; 1) with one parameter set a row: row i of Δ is in the rotated box {Σ_j β_j
+/// s_ij q_ij : |β_j| ≤ 1}. The first n rows belong to the state, the others to the output.
+/// Axis-parallel q are an interval matrix (Remark 2).
 #[derive(Debug, Clone, PartialEq)]
 pub struct Uncertain {
     /// Number of states n.
@@ -105,8 +111,10 @@ pub struct Uncertain {
 impl Uncertain {
     /// Bound on |Δ_i (x; 1)| over a box.
     fn radius(&self, row: &[f64], x: &[Interval]) -> f64 {
-        let sum: f64 =
-            row.chunks_exact(self.n + 1).map(|g| (weighted(&g[..self.n], x) + Interval::point(g[self.n])).mag()).sum();
+        let sum: f64 = row
+            .chunks_exact(self.n + 1)
+            .map(|g| (weighted(&g[..self.n], x) + Interval::point(g[self.n])).mag())
+            .sum();
         sum * inflation(row.len())
     }
 }

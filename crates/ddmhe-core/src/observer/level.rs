@@ -1,6 +1,7 @@
 //! The peak-to-peak bound: the level V̄ of V = eᵀPe, the ball (44) and the ellipsoid's box.
 //!
-//! Carried is √V̄, the distance of e from 0 in the norm of P: squares of radii below 1e-154 or above 1e154 are no floats.
+//! Carried is √V̄, the distance of e from 0 in the norm of P: squares of radii below 1e-154 or
+//! above 1e154 are no floats.
 
 use super::{Dynamics, IntervalObserver, Method};
 use crate::error::Error;
@@ -26,8 +27,9 @@ impl Peak {
         Peak { root, ratio, w: norm(w_radius), v: norm(v_radius) }
     }
 
-    /// max √(eᵀPe) over |e| ≤ r, upward: over the vertices of the box up to n = 10, √(Σ|P_ij| r_i r_j) beyond (a convex
-    /// function has its maximum at a vertex). In units of 1/√P_ii, and of the largest of them, no square leaves the floats.
+    /// max √(eᵀPe) over |e| ≤ r, upward: over the vertices of the box up to n = 10, √(Σ|P_ij| r_i
+    /// r_j) beyond (a convex function has its maximum at a vertex). In units of 1/√P_ii, and of the
+    /// largest of them, no square leaves the floats.
     pub(super) fn worst_distance(&self, r: &[f64]) -> f64 {
         let n = r.len();
         let mut reach: Vec<f64> = r.iter().zip(&self.root).map(|(r, root)| r * root).collect();
@@ -53,7 +55,8 @@ impl Peak {
     }
 }
 
-/// The largest of numbers of at least 0, or 1 if they are all 0: a unit in which they are at most 1.
+/// The largest of numbers of at least 0, or 1 if they are all 0: a unit in which they are at most
+/// 1.
 fn unit(numbers: impl Iterator<Item = f64>) -> f64 {
     let largest = numbers.fold(0.0, f64::max);
     if largest > 0.0 { largest } else { 1.0 }
@@ -67,7 +70,8 @@ fn norm(x: &[f64]) -> f64 {
 }
 
 impl<D: Dynamics> IntervalObserver<D> {
-    /// √V̄ of the next sample: (41), then a distance of `rest`. Without all outputs (41) does not hold, but the zonotope does.
+    /// √V̄ of the next sample: (41), then a distance of `rest`. Without all outputs (41) does not
+    /// hold, but the zonotope does.
     pub(super) fn next_distance(&self, rest: &[f64], generators: &[f64], all: bool) -> f64 {
         let (g, peak) = (&self.gain, &self.peak);
         if !self.distance.is_finite() && all || g.gamma.is_infinite() {
@@ -76,12 +80,21 @@ impl<D: Dynamics> IntervalObserver<D> {
         if !all {
             return peak.worst_distance(&row_sums(self.n, generators));
         }
-        let parts = [(1.0 - g.lambda).sqrt() * self.distance, g.gamma.sqrt() * peak.w, g.gamma.sqrt() * peak.v];
+        let parts = [
+            (1.0 - g.lambda).sqrt() * self.distance,
+            g.gamma.sqrt() * peak.w,
+            g.gamma.sqrt() * peak.v,
+        ];
         (norm(&parts) * inflation(8) + peak.worst_distance(rest) + 4.0 * TINY) * inflation(2)
     }
 
     /// The ball of (44) and the ellipsoid's box.
-    pub(super) fn level_boxes(&self, center: &[f64], distance: f64, decay: f64) -> (Vec<Interval>, Vec<Interval>) {
+    pub(super) fn level_boxes(
+        &self,
+        center: &[f64],
+        distance: f64,
+        decay: f64,
+    ) -> (Vec<Interval>, Vec<Interval>) {
         if !distance.is_finite() {
             return (vec![Interval::ENTIRE; self.n], vec![Interval::ENTIRE; self.n]);
         }
@@ -90,15 +103,22 @@ impl<D: Dynamics> IntervalObserver<D> {
         let unit = unit([distance, peak.w, peak.v].into_iter());
         let square = |x: f64| (x / unit) * (x / unit);
         let (level, w, v) = (square(distance), square(peak.w), square(peak.v));
-        // λV̄ + (μ_w - γ)w̄² + (μ_v - γ)v̄² from (23); the printed (44) lets the sum in V̄ run to infinity
+        // λV̄ + (μ_w - γ)w̄² + (μ_v - γ)v̄² from (23); the printed (44) lets the sum in V̄ run to
+        // infinity
         let tail = if self.method == Method::Paper { g.gamma * decay * (w + v) } else { 0.0 };
         let inner = g.lambda * level + (g.mu_w - g.gamma) * w + (g.mu_v - g.gamma) * v + tail;
-        let slack = 8.0 * f64::EPSILON * (g.lambda * level + (g.mu_w + g.mu_v + g.gamma) * (w + v)) + f64::MIN_POSITIVE;
-        let phi = unit * ((g.mu_w + g.mu_v).sqrt() * (inner + slack).max(0.0).sqrt() * inflation(8)) + TINY;
+        let slack = 8.0 * f64::EPSILON * (g.lambda * level + (g.mu_w + g.mu_v + g.gamma) * (w + v))
+            + f64::MIN_POSITIVE;
+        let phi = unit
+            * ((g.mu_w + g.mu_v).sqrt() * (inner + slack).max(0.0).sqrt() * inflation(8))
+            + TINY;
         let boxed = |radius: &dyn Fn(usize) -> f64| -> Vec<Interval> {
             (0..self.n).map(|i| Interval::about(center[i], radius(i) + 4.0 * TINY)).collect()
         };
-        (boxed(&|i| phi / g.weights[i] * inflation(1)), boxed(&|i| distance * self.P_inverse[i].sqrt() * inflation(8)))
+        (
+            boxed(&|i| phi / g.weights[i] * inflation(1)),
+            boxed(&|i| distance * self.P_inverse[i].sqrt() * inflation(8)),
+        )
     }
 }
 
@@ -106,19 +126,26 @@ impl<D: Dynamics> IntervalObserver<D> {
 pub(super) fn inverse_diagonal(P: &[f64], n: usize) -> Result<Vec<f64>, Error> {
     let wrong = || Error::value("P", "a symmetric positive definite matrix", "one that is not");
     let largest = P.iter().fold(0.0_f64, |m, v| m.max(v.abs()));
-    let symmetric = (0..n).all(|i| (0..i).all(|j| (P[i * n + j] - P[j * n + i]).abs() <= 1e-9 * largest));
+    let symmetric =
+        (0..n).all(|i| (0..i).all(|j| (P[i * n + j] - P[j * n + i]).abs() <= 1e-9 * largest));
     let matrix = Mat::from_fn(n, n, |i, j| 0.5 * (P[i * n + j] + P[j * n + i]));
     let inverse = matrix.llt(Side::Lower).ok().filter(|_| symmetric).ok_or_else(wrong)?.inverse();
-    // Z is an approximate inverse: P⁻¹ = Z + P⁻¹(I - P Z), so |P⁻¹_ii| ≤ Z_ii + δ‖P⁻¹‖ with δ = ‖I - P Z‖ < 1 and
-    // ‖P⁻¹‖ ≤ ‖Z‖/(1 - δ), in the norm of row sums.
+    // Z is an approximate inverse: P⁻¹ = Z + P⁻¹(I - P Z), so |P⁻¹_ii| ≤ Z_ii + δ‖P⁻¹‖ with δ = ‖I
+    // - P Z‖ < 1 and ‖P⁻¹‖ ≤ ‖Z‖/(1 - δ), in the norm of row sums.
     let rows = |f: &dyn Fn(usize, usize) -> f64| {
         (0..n).map(|i| (0..n).map(|j| f(i, j).abs()).sum::<f64>()).fold(0.0, f64::max)
     };
-    let product = |i: usize, j: usize| (0..n).map(|k| matrix[(i, k)] * inverse[(k, j)]).sum::<f64>();
+    let product =
+        |i: usize, j: usize| (0..n).map(|k| matrix[(i, k)] * inverse[(k, j)]).sum::<f64>();
     let scale = rows(&|i, j| (0..n).map(|k| (matrix[(i, k)] * inverse[(k, j)]).abs()).sum::<f64>());
-    let delta = rows(&|i, j| product(i, j) - f64::from(u8::from(i == j))) + scale * (n as f64 + 2.0) * f64::EPSILON;
+    let delta = rows(&|i, j| product(i, j) - f64::from(u8::from(i == j)))
+        + scale * (n as f64 + 2.0) * f64::EPSILON;
     if !(delta < 0.5) {
-        return Err(Error::value("P", "a well conditioned matrix", "one that is singular to rounding"));
+        return Err(Error::value(
+            "P",
+            "a well conditioned matrix",
+            "one that is singular to rounding",
+        ));
     }
     let norm = rows(&|i, j| inverse[(i, j)]) / (1.0 - delta);
     Ok((0..n).map(|i| (inverse[(i, i)] + delta * norm) * inflation(8)).collect())

@@ -42,7 +42,11 @@ impl<D: Dynamics> IntervalObserver<D> {
     pub fn resume(&mut self, blob: &[u8]) -> Result<(), Error> {
         let present: Present = from_bytes(Kind::Observer, blob)?;
         if !present.fits(self.n, self.p) {
-            return Err(Error::value("blob", "the state of an observer with the same arguments", "that of another"));
+            return Err(Error::value(
+                "blob",
+                "the state of an observer with the same arguments",
+                "that of another",
+            ));
         }
         let Present { step, center, generators, distance, decay, box_, past, estimate } = present;
         (self.step, self.distance, self.decay) = (step, distance, decay);
@@ -55,7 +59,8 @@ impl<D: Dynamics> IntervalObserver<D> {
 impl Present {
     fn fits(&self, n: usize, p: usize) -> bool {
         let proper = |x: &[Interval], len: usize| x.len() == len && x.iter().all(|x| x.lo <= x.hi);
-        let past = |past: &Past| proper(&past.x, n) && proper(&past.input, n) && proper(&past.output, p);
+        let past =
+            |past: &Past| proper(&past.x, n) && proper(&past.input, n) && proper(&past.output, p);
         self.step < usize::MAX / 2
             && self.center.len() == n
             && self.generators.len().is_multiple_of(n)

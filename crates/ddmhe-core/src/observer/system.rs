@@ -39,13 +39,15 @@ pub struct Gain {
     pub P: Vec<f64>,
     /// λ in (0, 1)
     pub lambda: f64,
-    /// γ of (41); infinite if none is known: then there is neither ball nor ellipsoid, only zonotope and box.
+    /// γ of (41); infinite if none is known: then there is neither ball nor ellipsoid, only
+    /// zonotope and box.
     pub gamma: f64,
     /// μ_w of (23)
     pub mu_w: f64,
     /// μ_v of (23)
     pub mu_v: f64,
-    /// Weights s of the states in the ball ‖diag(s) e‖₂ ≤ φ (n), positive; empty is ones, as in (23).
+    /// Weights s of the states in the ball ‖diag(s) e‖₂ ≤ φ (n), positive; empty is ones, as in
+    /// (23).
     pub weights: Vec<f64>,
 }
 
@@ -59,7 +61,11 @@ pub(super) fn checked(
     let n = x0_center.len();
     let mut system = system;
     if system.C.is_empty() || !system.C.len().is_multiple_of(n) {
-        return Err(Error::shape("C", format!("rows of {n} numbers"), format!("{} numbers", system.C.len())));
+        return Err(Error::shape(
+            "C",
+            format!("rows of {n} numbers"),
+            format!("{} numbers", system.C.len()),
+        ));
     }
     let p = system.C.len() / n;
     if system.r.is_empty() {
@@ -78,9 +84,11 @@ pub(super) fn checked(
     check_vector("gain", &gain.L, n * p)?;
     check_vector("P", &gain.P, n * n)?;
     check_vector("x0_center", x0_center, n)?;
-    for (name, radius, length) in
-        [("w_radius", &system.w_radius[..], nw), ("v_radius", &system.v_radius, nv), ("x0_radius", x0_radius, n)]
-    {
+    for (name, radius, length) in [
+        ("w_radius", &system.w_radius[..], nw),
+        ("v_radius", &system.v_radius, nv),
+        ("x0_radius", x0_radius, n),
+    ] {
         check_vector(name, radius, length)?;
         if let Some(r) = radius.iter().find(|r| **r < 0.0) {
             return Err(Error::value(name, "radii of at least 0", r));
@@ -92,7 +100,8 @@ pub(super) fn checked(
         }
     }
     if let Some(k) = (0..n * n).find(|&k| Interval::new(system.j_lo[k], system.j_hi[k]).is_none()) {
-        let found = format!("{} and {} in row {}, column {}", system.j_lo[k], system.j_hi[k], k / n, k % n);
+        let found =
+            format!("{} and {} in row {}, column {}", system.j_lo[k], system.j_hi[k], k / n, k % n);
         return Err(Error::value("j_lo", "numbers not above those of j_hi", found));
     }
     if !(gain.lambda > 0.0 && gain.lambda < 1.0) {

@@ -5,22 +5,26 @@ use crate::rounding::{diagonal, inflation, row_sums};
 use faer::{Mat, Side};
 use std::borrow::Cow;
 
-/// How [`Zonotope::reduce`](super::Zonotope::reduce) encloses a zonotope by one of fewer generators.
+/// How [`Zonotope::reduce`](super::Zonotope::reduce) encloses a zonotope by one of fewer
+/// generators.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Reduction {
-    /// ↓q of the interval paper's appendix, with the absolute values that it lacks in print: the q - n longest generators
-    /// (Euclidean norm) stay, the others are boxed by their row sums.
+    /// ↓q of the interval paper's appendix, with the absolute values that it lacks in print: the q
+    /// - n longest generators (Euclidean norm) stay, the others are boxed by their row sums.
     Paper,
     /// Girard 2005: the generators with the smallest ‖g‖₁ - ‖g‖∞ (nearly axis-parallel) are boxed.
     #[default]
     Girard,
-    /// Combastel 2003: the shortest generators (Euclidean norm) are boxed. The same set as [`Paper`](Self::Paper).
+    /// Combastel 2003: the shortest generators (Euclidean norm) are boxed. The same set as
+    /// [`Paper`](Self::Paper).
     Combastel,
-    /// As Girard, but boxed along the principal axes of the generators that go (Kopetzki, Schürmann, Althoff 2017).
+    /// As Girard, but boxed along the principal axes of the generators that go (Kopetzki,
+    /// Schürmann, Althoff 2017).
     Pca,
 }
 
-/// ↓q in place: columns that are all zero go, then the q - n that `method` ranks first stay and a box holds the others.
+/// ↓q in place: columns that are all zero go, then the q - n that `method` ranks first stay and a
+/// box holds the others.
 pub(crate) fn reduce(n: usize, columns: &mut Vec<f64>, q: usize, method: Reduction) {
     let mut kept = 0;
     for j in 0..columns.len() / n {
@@ -61,7 +65,8 @@ fn oriented_box(n: usize, columns: &[f64]) -> Vec<f64> {
     if !total.is_finite() {
         return boxed();
     }
-    // squares of very large or small numbers leave the floats: the axes are those of the set in another unit
+    // squares of very large or small numbers leave the floats: the axes are those of the set in
+    // another unit
     let sized: Cow<'_, [f64]> = match (1e-100..1e100).contains(&total) {
         true => columns.into(),
         false => columns.iter().map(|v| libm::scalbn(*v, -libm::ilogb(total))).collect(),
@@ -69,7 +74,8 @@ fn oriented_box(n: usize, columns: &[f64]) -> Vec<f64> {
     let gram = Mat::from_fn(n, n, |i, j| sized.chunks_exact(n).map(|g| g[i] * g[j]).sum::<f64>());
     let Ok(found) = gram.self_adjoint_eigen(Side::Lower) else { return boxed() };
     let V = found.U();
-    // M = V Vᵀ M + (I - V Vᵀ) M: with |I - V Vᵀ| at most `skew` in every entry, s grows by what the rest can add.
+    // M = V Vᵀ M + (I - V Vᵀ) M: with |I - V Vᵀ| at most `skew` in every entry, s grows by what the
+    // rest can add.
     let mut skew = 0.0_f64;
     for i in 0..n {
         for j in 0..n {
@@ -81,9 +87,10 @@ fn oriented_box(n: usize, columns: &[f64]) -> Vec<f64> {
     if !(skew < 1e-12) {
         return boxed();
     }
-    // The rest is a vector of entries at most skew·total; Vᵀ and V⁻¹ agree to 1e-12 there, hence the factor 2.
-    // MIN_POSITIVE: what products may lose where they fall below the normal numbers.
-    let extra = 2.0 * n as f64 * (skew + (n as f64 + 2.0) * f64::EPSILON) * total + f64::MIN_POSITIVE;
+    // The rest is a vector of entries at most skew·total; Vᵀ and V⁻¹ agree to 1e-12 there, hence
+    // the factor 2. MIN_POSITIVE: what products may lose where they fall below the normal numbers.
+    let extra =
+        2.0 * n as f64 * (skew + (n as f64 + 2.0) * f64::EPSILON) * total + f64::MIN_POSITIVE;
     let mut turned = vec![0.0; n * n];
     for i in 0..n {
         let axis: Vec<f64> = (0..n).map(|k| V[(k, i)]).collect();
