@@ -29,7 +29,7 @@ import numpy as np
 import tomli_w
 
 from ddmhe._core import DdmheError, Exact, Ridge, Truncated
-from ddmhe.arguments import check_kind, check_path, shown
+from ddmhe.checks import check_kind, check_path, shown
 from ddmhe.files import write_text
 
 if TYPE_CHECKING:

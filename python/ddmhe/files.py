@@ -8,7 +8,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from ddmhe._core import DdmheError
-from ddmhe.arguments import check_path
+from ddmhe.checks import check_path
 
 __all__ = ["FileError", "write", "write_text"]
 

@@ -24,7 +24,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from ddmhe._core import DdmheError, History
-from ddmhe.arguments import check_kind, check_path, shown
+from ddmhe.checks import check_kind, check_path, shown
 from ddmhe.grid import samples_of
 from ddmhe.oddities import unwrapped
 from ddmhe.units import unit_of

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ddmhe._core import DdmheError, History, ShapeError, numbers
-from ddmhe.arguments import check_finite, check_number, check_path, check_whole, choice
+from ddmhe.checks import check_finite, check_number, check_path, check_whole, choice
 
 Array = NDArray[np.float64]
 

@@ -55,7 +55,7 @@ from ddmhe._core import (
     numbers,
     validate,
 )
-from ddmhe.arguments import check_finite, check_flag, check_history, shown
+from ddmhe.checks import check_finite, check_flag, check_history, shown
 from ddmhe.design.model import noise_levels
 from ddmhe.surrogate import Surrogate
 from ddmhe.units import shared

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ddmhe._core import History, NotFiniteError, numbers
-from ddmhe.arguments import array, check_finite, check_history
+from ddmhe.checks import array, check_finite, check_history
 
 Array = NDArray[np.float64]
 

@@ -11,7 +11,8 @@ import scipy.linalg
 from numpy.typing import ArrayLike, NDArray
 
 from ddmhe._core import DdmheError, History, RankError, ShapeError
-from ddmhe.arguments import (
+from ddmhe.baselines.base import Baseline, recordings
+from ddmhe.checks import (
     array,
     check_finite,
     check_flag,
@@ -20,7 +21,6 @@ from ddmhe.arguments import (
     choice,
     shown,
 )
-from ddmhe.baselines.base import Baseline, recordings
 from ddmhe.design.model import identify, samples
 
 Array = NDArray[np.float64]

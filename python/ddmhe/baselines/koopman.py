@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ddmhe._core import History
-from ddmhe.arguments import check_flag, check_number, check_whole
 from ddmhe.baselines.base import Baseline, recordings
+from ddmhe.checks import check_flag, check_number, check_whole
 
 Array = NDArray[np.float64]
 

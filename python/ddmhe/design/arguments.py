@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ddmhe._core import DdmheError, History, ShapeError, numbers
-from ddmhe.arguments import check_finite, check_history, check_number
+from ddmhe.checks import check_finite, check_history, check_number
 
 Array = NDArray[np.float64]
 

@@ -21,7 +21,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import minimize_scalar
 
 from ddmhe._core import DdmheError, History, InfeasibleError, ShapeError, minimum_horizon
-from ddmhe.arguments import array, check_finite, check_kind, check_number, check_whole, shown
+from ddmhe.checks import array, check_finite, check_kind, check_number, check_whole, shown
 from ddmhe.design.arguments import recording_or_system, system
 from ddmhe.design.dissipation import (
     best_gains,

@@ -11,7 +11,7 @@ import scipy.linalg
 from numpy.typing import NDArray
 
 from ddmhe._core import History, RankError
-from ddmhe.arguments import array, check_finite, check_history, check_whole, choice
+from ddmhe.checks import array, check_finite, check_history, check_whole, choice
 
 if TYPE_CHECKING:
     from collections.abc import Callable

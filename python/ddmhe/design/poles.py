@@ -22,7 +22,7 @@ import scipy.linalg
 from numpy.typing import ArrayLike, NDArray
 
 from ddmhe._core import DdmheError, History, InfeasibleError, RankError
-from ddmhe.arguments import array, check_finite, check_number, check_whole
+from ddmhe.checks import array, check_finite, check_number, check_whole
 from ddmhe.design.arguments import recording_or_system
 from ddmhe.design.model import AffineModel, identify, unobservable_modes
 from ddmhe.design.regions import Disc, Region

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ddmhe.arguments import check_flag, check_number
+from ddmhe.checks import check_flag, check_number
 
 Array = NDArray[np.float64]
 

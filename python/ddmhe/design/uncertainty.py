@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ddmhe._core import DdmheError, History, RankError
-from ddmhe.arguments import check_history, check_kind, check_number, choice
+from ddmhe.checks import check_history, check_kind, check_number, choice
 from ddmhe.design.model import samples
 
 Array = NDArray[np.float64]

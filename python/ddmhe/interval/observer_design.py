@@ -23,7 +23,7 @@ import scipy.optimize
 from numpy.typing import ArrayLike, NDArray
 
 from ddmhe._core import DdmheError, InfeasibleError
-from ddmhe.arguments import check_kind, check_number, choice
+from ddmhe.checks import check_kind, check_number, choice
 from ddmhe.design.solver import solve
 from ddmhe.interval.systems import System, matrix, radius_of
 

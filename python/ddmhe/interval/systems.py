@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ddmhe import models
 from ddmhe._core import DdmheError, NotFiniteError, ShapeError, numbers
-from ddmhe.arguments import check_kind, check_number
+from ddmhe.checks import check_kind, check_number
 
 Array = NDArray[np.float64]
 Function = Callable[[Array], ArrayLike]

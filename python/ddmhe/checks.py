@@ -45,17 +45,15 @@ def array(name: str, value: ArrayLike, shape: tuple[int, ...], *, missing: bool 
         s in (-1, length) for s, length in zip(shape, found.shape, strict=True)
     )
     if not fits:
-        wanted = "a single number" if not shape else f"shape {_words(shape)}"
-        raise ShapeError(
-            f"{name}: expected {wanted}, found {'a single number' if not found.ndim else found.shape}"
-        )
+        wanted = f"shape {_words(shape)}" if shape else "a single number"
+        came = found.shape or "a single number"
+        raise ShapeError(f"{name}: expected {wanted}, found {came}")
     return found
 
 
 def _words(shape: tuple[int, ...]) -> str:
-    return (
-        f"({', '.join('any' if s < 0 else str(s) for s in shape)}{',' if len(shape) == 1 else ''})"
-    )
+    lengths = ", ".join("any" if s < 0 else str(s) for s in shape)
+    return f"({lengths},)" if len(shape) == 1 else f"({lengths})"
 
 
 def check_finite(name: str, M: Array) -> None:
