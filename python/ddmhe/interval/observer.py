@@ -134,11 +134,9 @@ class IntervalObserver:
         return self._core.predicted()
 
     def _input(self, u: ArrayLike | None) -> ArrayLike | None:
-        if (u is None) == (self.system.B is None):
-            return u
-        expected = (
-            "None, for the system has no input"
-            if u is not None
-            else f"{self.system.B.shape[1]} numbers"
-        )  # type: ignore[union-attr]
-        raise ShapeError(f"u: expected {expected}, found {'an array' if u is not None else 'None'}")
+        B = self.system.B
+        if B is None and u is not None:
+            raise ShapeError("u: expected None, for the system has no input, found an array")
+        if B is not None and u is None:
+            raise ShapeError(f"u: expected {B.shape[1]} numbers, found None")
+        return u
