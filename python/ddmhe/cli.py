@@ -24,7 +24,7 @@ from ddmhe.config import READING, read_config, space_from_text, write_config
 from ddmhe.files import write as write_file
 from ddmhe.files import write_text
 from ddmhe.logs import Log, Split, read_log
-from ddmhe.oddities import far_out
+from ddmhe.recordings.oddities import far_out
 
 Array = NDArray[np.float64]
 
@@ -49,7 +49,8 @@ def main() -> NoReturn:
         _fail(str(e))
     except OSError as e:
         _fail(
-            f"{e.filename or 'a file'}: expected to be able to read or write it, found: {e.strerror or e}"
+            f"{e.filename or 'a file'}: expected to be able to read or write it, found: "
+            f"{e.strerror or e}"
         )
 
 
@@ -204,16 +205,17 @@ def _oddities(log: Log) -> Iterator[str]:
             found = [f"{v:.10g}" for v in dict.fromkeys(values[rows])]
             lines = [str(line) for line in log.lines[rows]]
             yield (
-                f"{log.path}, column {name!r}: {_some(found)} in line {_some(lines)} sits more than "
-                f"50 deviations out on its own; if it says not measured: --missing {','.join(found)}"
+                f"{log.path}, column {name!r}: {_some(found)} in line {_some(lines)} sits more "
+                "than 50 deviations out on its own; if it says not measured: --missing "
+                f"{','.join(found)}"
             )
         wrapped = wrapped_angle(values)
         if wrapped is not None:
             full, row = wrapped
             yield (
-                f"{log.path}, column {name!r}, line {log.lines[row]}: looks like an angle that jumps "
-                f"by a full turn of {full:.6g}, which no linear motion does; use its cosine and sine as "
-                f"two columns, or --unwrap {name}"
+                f"{log.path}, column {name!r}, line {log.lines[row]}: looks like an angle that "
+                f"jumps by a full turn of {full:.6g}, which no linear motion does; use its cosine "
+                f"and sine as two columns, or --unwrap {name}"
             )
 
 
@@ -550,8 +552,8 @@ def _interval_log(log: Path, out: Path, given: dict[str, Any]) -> None:
         console.print(words, markup=False, highlight=False, soft_wrap=True)
     if not (verdict.useful or given["accept_wide"]):
         raise DdmheError(
-            "--w-radius, --v-radius: expected bounds narrower than half of the recorded range, found "
-            f"{verdict.words}; nothing is written, --accept-wide writes them all the same"
+            "--w-radius, --v-radius: expected bounds narrower than half of the recorded range, "
+            f"found {verdict.words}; nothing is written, --accept-wide writes them all the same"
         )
     out.mkdir(parents=True, exist_ok=True)
     _print_written(console, _write_intervals(out, samples, split, bounds))

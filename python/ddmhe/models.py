@@ -137,7 +137,8 @@ class _Model:
         x = _INTEGRATORS[integrator](self, t, dt, w)
         if not np.isfinite(x).all():
             raise DdmheError(
-                f"dt: expected one small enough, found that the {integrator!r} motion diverges at {dt} s"
+                f"dt: expected one small enough, found that the {integrator!r} motion diverges at "
+                f"{dt} s"
             )
         y = self.output(x)
         y += noise * np.random.default_rng(seed).standard_normal(y.shape)
@@ -258,7 +259,8 @@ class TorqueCurve:
         ]
         if missing:
             raise DdmheError(
-                f"path: expected columns slip_speed_rpm and torque_N_m, {str(path)!r} lacks {missing}"
+                f"path: expected columns slip_speed_rpm and torque_N_m, {str(path)!r} lacks "
+                f"{missing}"
             )
         return cls(table["slip_speed_rpm"] * (2 * math.pi / 60), table["torque_N_m"])
 

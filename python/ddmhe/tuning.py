@@ -57,8 +57,8 @@ from ddmhe._core import (
 )
 from ddmhe.checks import check_finite, check_flag, check_history, shown
 from ddmhe.design.model import noise_levels
+from ddmhe.recordings.units import shared
 from ddmhe.surrogate import Surrogate
-from ddmhe.units import shared
 
 Array = NDArray[np.float64]
 
@@ -259,7 +259,8 @@ def tune(
     T = len(history.recordings[longest][1])
     if T < 20:
         raise RankError(
-            f"history: expected a recording of at least 20 samples to hold parts of it out, found {T}"
+            "history: expected a recording of at least 20 samples to hold parts of it out, found "
+            f"{T}"
         )
     search = _Search(history, longest)
     try:
@@ -329,7 +330,8 @@ class _Search:
         ranked = _ranked(self.order, self.results)
         if not ranked:
             raise RankError(
-                "history: expected a recording of which three quarters suffice for some setting, found none"
+                "history: expected a recording of which three quarters suffice for some setting, "
+                "found none"
             )
         return _tuning(self, ranked, self.order[0])
 
@@ -850,20 +852,21 @@ def _words(
     scores = best.scores if best.scores is not None else np.full(1, math.inf)
     if np.isfinite(scores).all():
         parts.append(
-            f"On held-out quarters of the recording the error is {math.exp(best.score):.3g} of the states' spread, "
-            f"from {math.exp(scores.min()):.3g} to {math.exp(scores.max()):.3g}."
+            f"On held-out quarters of the recording the error is {math.exp(best.score):.3g} of the "
+            f"states' spread, from {math.exp(scores.min()):.3g} to {math.exp(scores.max()):.3g}."
         )
         if best.score > -0.3:
             parts.append(
-                "That is little better than the mean of the states: the quarters hardly tell the states apart."
+                "That is little better than the mean of the states: the quarters hardly tell the "
+                "states apart."
             )
     else:
         parts.append("The recording is too short for held-out quarters.")
     if math.isfinite(best.rehearsed):
         parts.append(
-            f"On {DRAWS} rehearsals of a quadratic surrogate, up to {max(SPANS)} times as long as the recording, the "
-            f"error is {math.exp(best.rehearsed):.3g} of the spread: trust it as far as the motion stays smooth and "
-            "second-order."
+            f"On {DRAWS} rehearsals of a quadratic surrogate, up to {max(SPANS)} times as long as "
+            f"the recording, the error is {math.exp(best.rehearsed):.3g} of the spread: trust it "
+            "as far as the motion stays smooth and second-order."
         )
     else:
         parts.append("Nothing here tests motion outside of the recorded region.")
@@ -878,13 +881,13 @@ def _decision(verdict: _Verdict, moved: bool, others: int) -> str:
     name = "quarters" if verdict.rehearsals is None else "rehearsals"
     if not np.isfinite(judges).all():
         return (
-            "The default rule is kept, the recording cannot tell that another setting is better: it is too short, or "
-            "the default's windows are too long, for parts to be held out."
+            "The default rule is kept, the recording cannot tell that another setting is better: "
+            "it is too short, or the default's windows are too long, for parts to be held out."
         )
     mean, low, high = (math.exp(min(v, 40.0)) for v in (judges.mean(), judges.min(), judges.max()))
     seen = (
-        f"of {others} other settings the best by all other parts has {mean:.2g} times the default rule's error in the "
-        f"{name} left out, from {low:.2g} to {high:.2g}"
+        f"of {others} other settings the best by all other parts has {mean:.2g} times the default "
+        f"rule's error in the {name} left out, from {low:.2g} to {high:.2g}"
     )
     if moved:
         return f"The default rule was left: {seen}; the ends of the recording show the same."
@@ -906,8 +909,9 @@ def _expected(promise: _Promise, spread: Array) -> str:
     lo, hi = (float(v) for v in (np.min(promise.lo / spread), np.max(promise.hi / spread)))
     held = float(np.sqrt(np.mean((promise.held_out / spread) ** 2)))
     words = (
-        f"On ends of the recording that were not learnt from, the error is {held:.3g} of the spread; in runs as "
-        f"long as the recording it is expected between {lo:.2g} and {hi:.2g} of it, state by state in nine of ten."
+        f"On ends of the recording that were not learnt from, the error is {held:.3g} of the "
+        f"spread; in runs as long as the recording it is expected between {lo:.2g} and {hi:.2g} of "
+        "it, state by state in nine of ten."
     )
     if hi > 1.0:
         words += " That range reaches beyond the spread of a state: of such a state the recording promises nothing."

@@ -267,13 +267,15 @@ CALLS = {
 }
 
 ATTACKS = {
-    "None": None, "text": "x", "bytes": b"x", "dict": {}, "set": {1.0, 2.0}, "object": object(), "class": int,
-    "function": len, "True": True, "complex": 1j, "complex array": np.array([[1j]]), "negative": -1, "zero": 0,
-    "nan": float("nan"), "inf": float("inf"), "fraction": 2.5, "1e12": 10**12, "1e400": 10**400, "1e5000": 10**5000,
-    "empty": [], "nothing in it": np.zeros((0, 0)), "ragged": [[1.0], [1.0, 2.0]], "0-d": np.array(1.0),
-    "3-d": np.zeros((2, 2, 2)), "objects": np.array([[object()]]), "texts": ["a", "b"], "masked": np.ma.masked,
-    "masked array": np.ma.array([[1.0, 2.0]], mask=[[True, False]]), "NA": pd.NA, "Nones": [None, None],
-    "date": np.datetime64("2020-01-01"), "pair of pairs": ((1, 2), (3, 4)), "estimator": ddmhe.DdMhe(H, 5),
+    "None": None, "text": "x", "bytes": b"x", "dict": {}, "set": {1.0, 2.0}, "object": object(),
+    "class": int, "function": len, "True": True, "complex": 1j, "complex array": np.array([[1j]]),
+    "negative": -1, "zero": 0, "nan": float("nan"), "inf": float("inf"), "fraction": 2.5,
+    "1e12": 10**12, "1e400": 10**400, "1e5000": 10**5000, "empty": [],
+    "nothing in it": np.zeros((0, 0)), "ragged": [[1.0], [1.0, 2.0]], "0-d": np.array(1.0),
+    "3-d": np.zeros((2, 2, 2)), "objects": np.array([[object()]]), "texts": ["a", "b"],
+    "masked": np.ma.masked, "masked array": np.ma.array([[1.0, 2.0]], mask=[[True, False]]),
+    "NA": pd.NA, "Nones": [None, None], "date": np.datetime64("2020-01-01"),
+    "pair of pairs": ((1, 2), (3, 4)), "estimator": ddmhe.DdMhe(H, 5),
 }  # fmt: skip
 
 

@@ -1,20 +1,12 @@
 """Reading logs and splitting them: rows, times and every wrong file."""
 
 import math
-import os
-from itertools import product
-from pathlib import Path
 
 import numpy as np
-import pandas as pd
 import pytest
 
 from ddmhe import DdmheError
-from ddmhe._core import wrapped_angle
-from ddmhe.config import ConfigError, read_config, space_from_text
 from ddmhe.logs import LogError, read_log
-from ddmhe.oddities import far_out
-from ddmhe.report import nrmse, pooled_nrmse, rmse, rmse_norm, root_mean_square
 
 HEADER = "time_s,w,q,torque"
 
@@ -268,7 +260,8 @@ def test_wrong_option_is_an_error_that_names_it(path, options, text):
         (0.1, r"history: expected at least 2 samples \(0.2 s\), found 0.1 s"),
         (
             3.9,
-            r"history: expected less than 3.9 s, the 40 samples that .* holds from 0 s on, found 3.9 s",
+            "history: expected less than 3.9 s, "
+            "the 40 samples that .* holds from 0 s on, found 3.9 s",
         ),
     ],
 )
@@ -318,179 +311,8 @@ def test_wrong_missing_numbers(path, wrong):
         read(path, missing=wrong)
 
 
-def test_what_is_far_out_on_its_own():
-    rng = np.random.default_rng(0)
-    signal = np.sin(np.arange(3000) / 40) + 0.01 * rng.standard_normal(3000)
-    for share in (0.001, 0.1, 0.4):
-        low, high = rng.random(3000) < share, rng.random(3000) < 0.05
-        low[7], high[9] = True, True
-        spoiled = np.where(low, -9999.0, signal)
-        np.testing.assert_array_equal(far_out(spoiled), np.flatnonzero(low))
-        np.testing.assert_array_equal(
-            far_out(np.where(high, 999.0, spoiled)), np.flatnonzero(low | high)
-        )
-    rest = 1e-3 * rng.standard_normal(2900)
-    for motion in (
-        np.sin(np.arange(100) / 4),  # sets out after a long rest
-        1 + 1e-3 * rng.standard_normal(100),  # a step to another level
-        np.cumsum(rng.standard_normal(100)),
-    ):
-        assert far_out(np.r_[rest, motion]).size == 0
-        assert far_out(np.r_[np.zeros(2900), motion]).size == 0
-    assert far_out(np.r_[signal, 400.0, 700.0, signal]).tolist() == [3000, 3001]
-    assert far_out(np.full(100, np.nan)).size == 0
-
-
-@pytest.mark.parametrize("full", [2 * np.pi, 360.0])
-@pytest.mark.parametrize("offset", [0.0, 0.5, 0.25, -3.1])
-def test_wrapped_angles_are_seen_and_made_continuous(tmp_path, full, offset):
-    angle = full * np.cumsum(np.linspace(0.005, 0.02, 400))
-    wrapped = angle % full - offset * full
-    jump = int(np.flatnonzero(np.abs(np.diff(wrapped)) > full / 2)[0]) + 1
-    assert wrapped_angle(wrapped) == (full, jump)
-    gap = np.where(np.arange(400) < jump, np.nan, wrapped)  # what was not measured is left out
-    following = int(np.flatnonzero(np.abs(np.diff(gap)) > full / 2)[0]) + 1
-    assert wrapped_angle(gap) == (full, following)
-    assert wrapped_angle(angle) is None
-    assert wrapped_angle(0.49 * full * np.sin(np.arange(400) / 9)) is None
-    for nothing in ([], [1.0], [np.nan] * 9, [np.inf] * 9):
-        assert wrapped_angle(nothing) is None
-    rows = [f"{0.1 * k:.1f},{wrapped[k]:.12f},{k},{wrapped[k]:.12f}" for k in range(400)]
-    log = read(write(tmp_path / "log.csv", rows), decimate=2, unwrap=["w", "torque"])
-    np.testing.assert_allclose(log.x[:, 0], angle[::2] - offset * full, atol=1e-9)
-    np.testing.assert_allclose(log.y[:, 0], angle[::2] - offset * full, atol=1e-9)
-    with pytest.raises(
-        LogError, match="unwrap: expected a column of the states or outputs, found 'time_s'"
-    ):
-        read(tmp_path / "log.csv", unwrap=["time_s"])
-
-
-MEASURED = Path(os.environ.get("DDMHE_DATA", Path(__file__).parents[3] / "shared" / "data"))
-
-
-@pytest.mark.skipif(
-    not MEASURED.is_dir(), reason="no measured logs: set DDMHE_DATA to the directory of data sets"
-)
-def test_nothing_odd_is_seen_in_measured_logs():
-    """Pendulums, cars, arms and circuits, whole and thinned: no value far out, no wrapped angle."""
-    paths = sorted([*MEASURED.glob("repoimu-pendulum/*.csv"), *MEASURED.glob("input-logs/*.csv")])
-    assert len(paths) > 18
-    for path in paths:
-        frame = pd.read_csv(path)
-        for name, step in product(frame.columns[1:], (1, 4)):
-            values = frame[name].to_numpy(dtype=float)[::step]
-            assert far_out(values).size == 0, (path, name)
-            assert wrapped_angle(values) is None, (path, name)
-
-
 def test_errors_are_package_errors():
     assert issubclass(LogError, DdmheError)
-    assert issubclass(ConfigError, DdmheError)
-
-
-def test_config_reads_every_key(tmp_path):
-    path = tmp_path / "est.toml"
-    path.write_text(
-        "horizon = 7\nrho = 0.9\nmu = 1\nx_prior = [0, 1.5]\nx_bounds = [-1, [2, inf]]\nx_center = 'history'\n"
-        "v_bounds = [-1.0, 1.0]\nequilibrium = [[0, 0], [0]]\nwarm_start = true\n"
-        "space = { kind = 'truncated', rank = 5 }\n"
-    )
-    settings = read_config(path)
-    assert repr(settings.pop("space")) == "Truncated(rank=5)"
-    assert settings == {
-        "horizon": 7,
-        "rho": 0.9,
-        "mu": 1,
-        "x_prior": [0, 1.5],
-        "x_bounds": [-1, [2, float("inf")]],
-        "x_center": "history",
-        "v_bounds": [-1.0, 1.0],
-        "equilibrium": [[0, 0], [0]],
-        "warm_start": True,
-    }
-
-
-@pytest.mark.parametrize(
-    ("text", "expected"),
-    [
-        ("auto", "'auto'"),
-        ("exact", "Exact()"),
-        ("truncated:3", "Truncated(rank=3)"),
-        ("ridge:0.5", "Ridge(5e-1)"),
-    ],
-)
-def test_space_from_text(text, expected):
-    assert repr(space_from_text(text)) == expected
-
-
-@pytest.mark.parametrize(
-    "text", ["", "Auto", "auto:", "exact:1", "truncated", "truncated:-1", "truncated:x", "ridge:"]
-)
-def test_space_from_wrong_text(text):
-    with pytest.raises(
-        ConfigError, match="space: expected auto, exact, truncated:RANK or ridge:WEIGHT"
-    ):
-        space_from_text(text)
-
-
-@pytest.mark.parametrize(
-    ("text", "expected"),
-    [
-        ("horizn = 3", "expected one of the keys horizon, rho, mu, .* found 'horizn'"),
-        ("horizon = true", "horizon: expected a whole number, found True"),
-        ("horizon = 1e99", "horizon: expected a whole number"),
-        ("rho = '0.9'", "rho: expected a number, found '0.9'"),
-        ("warm_start = 1", "warm_start: expected true or false, found 1"),
-        ("x_bounds = ['a', 'b']", "x_bounds: expected a list"),
-        ("space = 'ridge'", "space: expected auto, exact"),
-        (
-            "space = { kind = 'best' }",
-            "space: expected kind 'exact', 'truncated', 'ridge', found 'best'",
-        ),
-        ("space = { kind = 'ridge' }", "space: expected a weight for ridge"),
-        (
-            "space = { kind = 'truncated', rank = 1.5 }",
-            "space: expected a whole number for rank, found 1.5",
-        ),
-        (
-            "space = { kind = 'exact', rank = 1 }",
-            "space: expected no argument for exact, found 'rank'",
-        ),
-        ("missing = -9999", "missing: expected a list of finite numbers, found -9999"),
-        ("missing = [nan]", "missing: expected a list of finite numbers"),
-        ("horizon = ", "expected a TOML file, found an error in it"),
-    ],
-)
-def test_wrong_config_is_an_error_that_names_file_and_key(tmp_path, text, expected):
-    path = tmp_path / "est.toml"
-    path.write_text(text)
-    with pytest.raises(ConfigError, match=expected) as e:
-        read_config(path)
-    assert str(path) in str(e.value)
-
-
-def test_error_measures_leave_out_what_is_unknown():
-    error = np.array([[3.0, 4.0], [np.nan, 0.0], [3.0, 4.0]])
-    np.testing.assert_allclose(rmse(error), [3.0, np.sqrt(32 / 3)])
-    assert rmse_norm(error) == pytest.approx(5.0)
-    assert np.isnan(rmse(np.full((2, 1), np.nan)))
-    x = np.array([[1.0, 10.0], [3.0, np.nan], [5.0, 20.0]])
-    np.testing.assert_array_equal(nrmse(x, x), [0.0, 0.0])
-    assert pooled_nrmse(x, x) == 0.0
-    mean = np.tile([3.0, 15.0], (3, 1))
-    np.testing.assert_allclose(nrmse(mean, x), [1.0, 1.0])
-    assert pooled_nrmse(mean, x) == pytest.approx(1.0)
-
-
-def test_each_state_has_its_own_nrmse():
-    """A large state does not hide a small one, as it does in the pooled number."""
-    x = np.column_stack([1000 * np.sin(np.arange(50.0)), np.cos(np.arange(50.0)), np.ones(50)])
-    x_hat = x + np.array([0.0, 2 * np.std(x[:, 1]), 0.0])
-    relative = nrmse(x_hat, x)
-    np.testing.assert_allclose(relative[:2], [0.0, 2.0], atol=1e-12)
-    assert np.isnan(relative[2])
-    assert root_mean_square(relative) == pytest.approx(np.sqrt(2.0))
-    assert pooled_nrmse(x_hat, x) < 0.003
 
 
 def test_a_line_of_units_below_the_header(tmp_path):

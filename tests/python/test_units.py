@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import ddmhe
-from ddmhe.units import shared, unit_of
+from ddmhe.recordings.units import shared, unit_of
 
 
 def recording(noise, n=3, p=2, T=160, seed=3):

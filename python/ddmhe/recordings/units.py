@@ -13,44 +13,8 @@ Array = NDArray[np.float64]
 __all__ = ["shared", "unit_of"]
 
 _TOKENS = frozenset(
-    {
-        "rad",
-        "deg",
-        "rpm",
-        "m",
-        "cm",
-        "mm",
-        "km",
-        "s",
-        "ms",
-        "us",
-        "min",
-        "Hz",
-        "kHz",
-        "kg",
-        "N",
-        "kN",
-        "mN",
-        "Nm",
-        "V",
-        "mV",
-        "uV",
-        "kV",
-        "A",
-        "mA",
-        "W",
-        "kW",
-        "mW",
-        "Pa",
-        "kPa",
-        "MPa",
-        "bar",
-        "K",
-        "degC",
-        "T",
-        "mT",
-        "uT",
-    }
+    """rad deg rpm m cm mm km s ms us min Hz kHz kg N kN mN Nm V mV uV kV A mA W kW mW
+    Pa kPa MPa bar K degC T mT uT""".split()  # noqa: SIM905
 )
 """Units that may end a column's name; letters that also number or name things (C, F, g, h, L) are
 left out."""

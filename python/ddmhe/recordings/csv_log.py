@@ -1,0 +1,135 @@
+"""Reading a log: a CSV of samples in, a checked `Log` out.
+
+Rows are numbered on the clock's grid before they are thinned, so that every k-th sample stays every
+k-th whatever is lost."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ddmhe.checks import check_kind, check_path, shown
+from ddmhe.recordings.cells import column, columns_named, read_table, units_of_columns
+from ddmhe.recordings.clock import first_row, nominal_step, samples_of, times
+from ddmhe.recordings.log import LARGEST, Gap, Log, LogError, Names
+from ddmhe.recordings.oddities import unwrapped
+
+Array = NDArray[np.float64]
+
+__all__ = ["read_log"]
+
+
+def read_log(
+    path: str | Path,
+    state: Sequence[str],
+    output: Sequence[str],
+    time: str | None = None,
+    start: float | None = None,
+    decimate: int = 1,
+    *,
+    missing: Sequence[float] = (),
+    unwrap: Sequence[str] = (),
+) -> Log:
+    """Read a CSV log, keep samples 0, decimate, 2 decimate, … of its clock, and of these the ones
+    from time `start` on.
+
+    Parameters
+    ----------
+    path
+        A CSV file with one header line, which a line of units may follow.
+    state, output
+        Names of the state columns (n) and output columns (p); one column may be both.
+    time
+        Name of the time column, in seconds; default the first column.
+    start
+        Time of the log's own clock, s; default the first row.
+    decimate
+        Keep every decimate-th sample, at least 1; one whose row is lost is a gap, the next ones
+        stay in place.
+    missing
+        Numbers that stand for "not measured" in state and output columns, like -9999.
+    unwrap
+        Columns of angles within one turn (2 pi or 360) to be made continuous.
+
+    Raises
+    ------
+    LogError
+        One sentence naming the file, and the column and line where there is one.
+    """
+    check_path("path", path)
+    _check_options(state, output, unwrap, time, start, decimate)
+    numbers = checked_missing(missing)
+    name = str(path)
+    table = read_table(name)
+    names = columns_named(name, list(table.columns), state, output, time)
+    _check_unwrap(unwrap, names)
+    table, units = units_of_columns(name, table, names.time)
+    t = times(name, table, names.time)
+    nominal = decimate * float(np.median(np.diff(t))) if t.size > 1 else math.nan
+    samples = samples_of(t) if t.size > 1 else np.zeros(t.size, dtype=np.int64)
+    kept = np.flatnonzero(samples % decimate == 0)
+    kept = kept[0 if start is None else first_row(name, t[kept], start) :]
+    dt = nominal_step(name, t[kept], nominal, decimate)
+
+    def columns(group: Sequence[str]) -> Array:
+        values = {c: column(name, table, c, numbers) for c in group}
+        whole = [unwrapped(v) if c in unwrap else v for c, v in values.items()]
+        return np.column_stack(whole)[kept]
+
+    lines = table.index.to_numpy(dtype=np.int64)
+    gaps = _gaps(t, samples, lines, int(kept[0]))
+    numbered = (samples[kept] - samples[kept[0]]) // decimate
+    x, y = columns(names.state), columns(names.output)
+    return Log(name, names, t[kept], x, y, dt, lines[kept], numbered, gaps, int(decimate), units)
+
+
+def _gaps(
+    t: Array, samples: NDArray[np.int64], lines: NDArray[np.int64], first: int
+) -> tuple[Gap, ...]:
+    """Where rows are lost, from row `first` on."""
+    before = np.flatnonzero(np.diff(samples) > 1)
+    return tuple(
+        Gap(float(t[k]), float(t[k + 1] - t[k]), int(lines[k])) for k in before[before >= first]
+    )
+
+
+def checked_missing(missing: Sequence[float]) -> tuple[float, ...]:
+    """Numbers that stand for "not measured"; LogError for anything else."""
+    numbers: Sequence[Any] = missing if isinstance(missing, list | tuple) else [missing]
+    for number in numbers:
+        real = isinstance(number, int | float | np.integer | np.floating) and not isinstance(
+            number, bool
+        )
+        if not real or not -LARGEST <= number <= LARGEST:
+            raise LogError(f"missing: expected finite numbers, found {shown(number)}")
+    return tuple(float(number) for number in numbers)
+
+
+def _check_options(
+    state: Any, output: Any, unwrap: Any, time: Any, start: Any, decimate: Any
+) -> None:
+    """LogError naming the first option of `read_log` that is of a wrong kind."""
+    for option, group in (("state", state), ("output", output), ("unwrap", unwrap)):
+        _check_texts(option, group)
+    if time is not None:
+        check_kind("time", time, str, "the name of a column")
+    if start is not None and not isinstance(start, int | float | np.integer | np.floating):
+        raise LogError(f"start: expected a time in seconds, found {shown(start)}")
+    if isinstance(decimate, bool) or not isinstance(decimate, int | np.integer) or decimate < 1:
+        raise LogError(f"decimate: expected a whole number of at least 1, found {shown(decimate)}")
+
+
+def _check_texts(option: str, group: Sequence[str]) -> None:
+    if not isinstance(group, list | tuple) or not all(isinstance(name, str) for name in group):
+        raise LogError(f"{option}: expected a list of column names, found {shown(group)}")
+
+
+def _check_unwrap(unwrap: Sequence[str], names: Names) -> None:
+    for name in unwrap:
+        if name not in (*names.state, *names.output):
+            raise LogError(f"unwrap: expected a column of the states or outputs, found {name!r}")

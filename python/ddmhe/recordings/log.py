@@ -1,0 +1,213 @@
+"""A log: samples on a regular clock, and its split into a recording and the outputs that follow.
+
+A log samples regularly: its stamps may jitter or come late, but where the clock says that rows are
+lost there is a gap. Gaps are errors unless `Log.fill_gaps` turned them into rows not measured: the
+estimator then runs through them without data, and inside the history at most 10 such rows in a row
+are interpolated."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ddmhe._core import DdmheError, History
+from ddmhe.checks import shown
+from ddmhe.recordings.units import unit_of
+
+Array = NDArray[np.float64]
+
+__all__ = ["LARGEST", "Gap", "Log", "LogError", "Names", "Split"]
+
+MOST_INTERPOLATED = 10
+"""A longer stretch of filled rows inside the history is an invention, not a recording. Seven in a
+row left the errors
+on the measured pendulum logs as they were; cutting the recording there doubled them."""
+MOST_FILLED = 2
+"""Filling may at most double a log: beyond that it is several logs."""
+LARGEST = float(np.finfo(np.float64).max)
+
+
+class LogError(DdmheError):
+    """A log file cannot be used as asked."""
+
+
+@dataclass(frozen=True)
+class Names:
+    """Column names of a log."""
+
+    time: str
+    state: tuple[str, ...]
+    output: tuple[str, ...]
+
+
+class Gap(NamedTuple):
+    """Rows that a log lacks."""
+
+    t: float
+    """Time of the row before, s."""
+    length: float
+    """Time to the row after, s."""
+    line: int
+    """Line of the row before in the file, from 1."""
+
+
+class Split(NamedTuple):
+    """A log as the estimator needs it; N estimates follow the history of T samples."""
+
+    history: History
+    Y: Array
+    """Outputs (N, p) for DdMhe.run: log rows T to T+N-1."""
+    t: Array
+    """Times (N,) of the estimates, s: log rows T+1 to T+N."""
+    x_true: Array | None
+    """States (N, n) at t as logged, NaN where not; None if none was logged."""
+
+
+@dataclass(frozen=True, eq=False)
+class Log:
+    """Samples of one log, N rows."""
+
+    path: str
+    names: Names
+    t: Array
+    """Time (N,), s, the log's own clock."""
+    x: Array
+    """States (N, n), NaN where not measured."""
+    y: Array
+    """Outputs (N, p), NaN where not measured."""
+    dt: float
+    """Nominal step, s: the median step of the log as sampled, times the decimation."""
+    lines: NDArray[np.int64]
+    """Line of each row in the file (N,), from 1; 0 for a row that `fill_gaps` added."""
+    samples: NDArray[np.int64]
+    """Number of each row on the grid of steps dt (N,), from 0; a number that is left out is a
+    sample that is lost."""
+    gaps: tuple[Gap, ...]
+    """Where the file lacks rows, also ones that the decimation would have left out; none after
+    `fill_gaps`."""
+    decimate: int = 1
+    """dt is this many steps of the file."""
+    units: Mapping[str, str] = field(default_factory=dict)
+    """Units of columns, from a line below the header; a column that is not among them may state its
+    own in its name."""
+
+    def unit(self, column: str) -> str:
+        """The unit of a column, "" where neither a line of units nor its name states one."""
+        return self.units.get(column) or unit_of(column)
+
+    def fill_gaps(self) -> Log:
+        """The log on a gapless grid: in each gap the samples that are missing, all of them NaN (not
+        measured).
+
+        Raises LogError where more samples are missing than there are.
+        """
+        rows = self.samples
+        size = int(rows[-1]) + 1
+        if size > MOST_FILLED * rows.size:
+            raise LogError(
+                f"{self.path}: expected gaps that can be filled, found {size - rows.size} samples "
+                "missing"
+            )
+
+        def spread(values: Array) -> Array:
+            wide = np.full((size, values.shape[1]), np.nan)
+            wide[rows] = values
+            return wide
+
+        lines = np.zeros(size, dtype=np.int64)
+        lines[rows] = self.lines
+        t = np.interp(np.arange(size), rows, self.t)
+        filled = np.arange(size, dtype=np.int64)
+        return replace(
+            self, t=t, x=spread(self.x), y=spread(self.y), lines=lines, samples=filled, gaps=()
+        )
+
+    def history_samples(self, history: float) -> int:
+        """T = round(history/dt).
+
+        Raises LogError if `history` (s) is not a positive number, shorter than 2 samples or longer
+        than the log."""
+        real = isinstance(history, int | float | np.integer | np.floating) and not isinstance(
+            history, bool
+        )
+        if not real or not 0 < history <= LARGEST:
+            raise LogError(
+                f"history: expected a positive number of seconds, found {shown(history)}"
+            )
+        samples, last = round(history / self.dt), len(self.t) - 1
+        if samples < 2:
+            raise LogError(
+                f"history: expected at least 2 samples ({2 * self.dt:.4g} s), found {history} s"
+            )
+        if samples >= last:
+            raise LogError(
+                f"history: expected less than {last * self.dt:.4g} s, the {last + 1} samples that "
+                f"{self.path} holds from {self.t[0]:.10g} s on, found {history} s"
+            )
+        return samples
+
+    def split(self, history: float) -> Split:
+        """Cut the log after `history` seconds: states of rows 0 to T and outputs of rows 0 to T-1
+        are the history.
+
+        Raises LogError for a history that does not fit, for samples missing inside it, and for
+        gaps."""
+        T = self.history_samples(history)
+        if self.gaps:
+            gap = self.gaps[0]
+            where = "inside the history" if gap.t < self.t[T] else "after the history"
+            raise LogError(
+                f"{self.path}: gap {where} at {gap.t:.10g} s (line {gap.line}): expected steps of "
+                f"about {self.dt / self.decimate:.4g} s, found {gap.length:.4g} s; use another "
+                "start or history, or fill the gaps (--gaps fill)"
+            )
+        self._check_measured(self.x[: T + 1], self.names.state)
+        self._check_measured(self.y[:T], self.names.output)
+        x_units, y_units = (
+            [self.unit(name) for name in names] for names in (self.names.state, self.names.output)
+        )
+        recorded = History(
+            self._bridged(self.x, T + 1),
+            self._bridged(self.y, T),
+            dt=self.dt,
+            x_units=x_units,
+            y_units=y_units,
+        )
+        x_true = self.x[T + 1 :]
+        return Split(
+            recorded, self.y[T:-1], self.t[T + 1 :], None if np.isnan(x_true).all() else x_true
+        )
+
+    def _bridged(self, values: Array, size: int) -> Array:
+        """Rows 0 to size-1 with the filled ones interpolated between their neighbours in the log.
+
+        Seams between recordings would invent nothing, but they cost every window that crosses one;
+        on measured pendulum logs with gaps of one or two rows interpolation was clearly better."""
+        real = np.flatnonzero(self.lines)
+        runs = np.diff(real[: np.searchsorted(real, size) + 1]) - 1
+        if runs.max() > MOST_INTERPOLATED:
+            row = int(real[int(np.argmax(runs > MOST_INTERPOLATED))])
+            raise LogError(
+                f"{self.path}: gap inside the history at {self.t[row]:.10g} s (line "
+                f"{self.lines[row]}): expected at most {MOST_INTERPOLATED} missing samples, found "
+                f"{runs.max()}"
+            )
+        at, rows = np.arange(size), np.arange(len(values))
+        known = np.isfinite(values)
+        return np.column_stack(
+            [np.interp(at, rows[k], column[k]) for k, column in zip(known.T, values.T, strict=True)]
+        )
+
+    def _check_measured(self, values: Array, names: Sequence[str]) -> None:
+        lacking = np.argwhere(np.isnan(values) & (self.lines[: len(values), None] > 0))
+        if lacking.size:
+            row, column = lacking[0]
+            raise LogError(
+                f"{self.path}, line {self.lines[row]}, column {names[column]!r}: expected a number "
+                "inside the history, found an empty cell, NaN or a number that stands for not "
+                "measured"
+            )
