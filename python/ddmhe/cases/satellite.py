@@ -18,5 +18,4 @@ BOX = 10 * math.pi / 60
 """Half width of the box on every state, rad/s, around the history's window: Section IV-A1."""
 PAPER: dict[str, Any] = {"horizon": 10, "rho": 0.8, "mu": 1e5, "space": Truncated(3)}
 """The printed weights, with as many directions as the system has states: all directions of a noisy
-recording, which the
-printed equality admits, make the estimate diverge."""
+recording, which the printed equality admits, make the estimate diverge."""

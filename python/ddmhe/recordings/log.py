@@ -24,8 +24,8 @@ __all__ = ["LARGEST", "Gap", "Log", "LogError", "Names", "Split"]
 
 MOST_INTERPOLATED = 10
 """A longer stretch of filled rows inside the history is an invention, not a recording. Seven in a
-row left the errors
-on the measured pendulum logs as they were; cutting the recording there doubled them."""
+row left the errors on the measured pendulum logs as they were; cutting the recording there doubled
+them."""
 MOST_FILLED = 2
 """Filling may at most double a log: beyond that it is several logs."""
 LARGEST = float(np.finfo(np.float64).max)
