@@ -4,6 +4,9 @@ own are the core's (`tol.rs`)."""
 __all__ = [
     "INTEGRATION_ABSOLUTE",
     "INTEGRATION_RELATIVE",
+    "NO_ERROR",
+    "POSITIVE",
+    "STANDSTILL",
     "SYMMETRIC",
     "WHOLE_STEPS",
 ]
@@ -18,3 +21,10 @@ INTEGRATION_RELATIVE = 2.3e-14
 """Relative tolerance of an accurate motion: scipy's integrators take nothing smaller."""
 INTEGRATION_ABSOLUTE = 1e-16
 """Absolute tolerance of an accurate motion: states of 1 and more are bound by the relative one."""
+NO_ERROR = 1e-9
+"""Errors below this share of a state's spread, or of its largest number, are rounding: no score and
+no range goes below it, so that none is better for it."""
+POSITIVE = 1e-300
+"""Added to a size that may be 0 before its logarithm is taken."""
+STANDSTILL = 1e-12
+"""Step of a motion that does not move, in units of its size: keeps its inverse finite."""

@@ -10,7 +10,7 @@ import ddmhe
 from ddmhe._core import validate
 from ddmhe.report import pooled_nrmse
 from ddmhe.reproduce import pendulum_task
-from ddmhe.surrogate import Surrogate
+from ddmhe.tuning.surrogate import Surrogate
 from reference import random_system
 
 DATA = (

@@ -17,6 +17,7 @@ from scipy.optimize import least_squares
 
 from ddmhe._core import History
 from ddmhe.design.model import noise_levels
+from ddmhe.tol import STANDSTILL
 
 Array = NDArray[np.float64]
 
@@ -26,6 +27,8 @@ FLOOR = 1e-5
 """Noise below this share of the states' size counts as this much: a surrogate is no exact model."""
 PRIOR = 1.0
 """Standard deviation of every parameter of the motion, in units of the recorded rms step."""
+SMOOTHING = 1e-3
+"""Share of the steps' variance that the first fit, a ridge regression, takes for noise."""
 REACH = 3.0
 """A drawn motion that leaves this many times the recorded range is given up."""
 
@@ -123,9 +126,9 @@ class Surrogate:
         smooth = np.apply_along_axis(np.convolve, 0, z, np.full(width, 1 / width), "valid")
         steps = np.diff(smooth, axis=0)
         rms = float(np.sqrt(np.mean(steps**2)))
-        self._prior = PRIOR * rms + 1e-12
+        self._prior = PRIOR * rms + STANDSTILL
         F = self._features(smooth[:-1])
-        ridge = (self._weight_x**2 + 1e-3 * rms**2) / self._prior**2
+        ridge = (self._weight_x**2 + SMOOTHING * rms**2) / self._prior**2
         theta = np.linalg.solve(F.T @ F + ridge * np.eye(self._count), F.T @ steps)
         C = np.linalg.lstsq(self._outputs(z[:-1]), u, rcond=None)[0]
         return np.concatenate([z[0], theta.ravel(), C.ravel()])

@@ -1,0 +1,45 @@
+"""What `tune` is told beside the recording."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ddmhe._core import DdmheError, History, ShapeError, numbers
+from ddmhe.checks import check_finite, shown
+from ddmhe.design.model import noise_levels
+
+Array = NDArray[np.float64]
+
+__all__ = ["check_rest", "extra_noise"]
+
+
+def check_rest(history: History, equilibrium: Any) -> None:
+    """DdmheError naming the argument unless it is a pair of a state (n,) and an output (p,)."""
+    if not isinstance(equilibrium, tuple | list) or len(equilibrium) != 2:
+        raise ShapeError(f"equilibrium: expected a pair (x_e, y_e), found {shown(equilibrium)}")
+    for value, width in zip(equilibrium, (history.n, history.p), strict=True):
+        rest = np.atleast_1d(numbers("equilibrium", value))
+        check_finite("equilibrium", rest)
+        if rest.shape != (width,):
+            raise ShapeError(f"equilibrium: expected {width} numbers, found shape {rest.shape}")
+
+
+def extra_noise(history: History, output_noise: ArrayLike | None) -> Array:
+    """Standard deviation (p,) to add to recorded outputs so that they are as noisy as the online
+    ones."""
+    if output_noise is None:
+        return np.zeros(history.p)
+    stated = numbers("output_noise", output_noise)
+    if stated.shape not in ((), (history.p,)):
+        raise ShapeError(
+            f"output_noise: expected a number or {history.p} numbers, found shape {stated.shape}"
+        )
+    if not (np.isfinite(stated).all() and (stated >= 0).all()):
+        raise DdmheError(
+            f"output_noise: expected finite numbers of at least 0, found {shown(output_noise)}"
+        )
+    recorded = noise_levels(history)[1]
+    return np.asarray(np.sqrt(np.maximum(stated**2 - recorded**2, 0.0)))
