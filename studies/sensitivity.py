@@ -13,7 +13,7 @@ from rich.progress import Progress
 import ddmhe
 from ddmhe import report
 from ddmhe.cases import satellite as case
-from ddmhe.plot import heat_figure
+from ddmhe.report.figures import heat_figure
 from ddmhe.reproduce.montecarlo import in_parallel
 
 ROOT = Path(__file__).resolve().parents[1]

@@ -387,7 +387,7 @@ def design(
     Writes design.toml, which `estimate --config` accepts, and poles.png into DIR.
     """
     from ddmhe import design as designs
-    from ddmhe.plot import pole_figure
+    from ddmhe.report.figures import pole_figure
 
     _, split = _read(log, given)
     noise = None
@@ -431,7 +431,7 @@ def tune(log: Path, out: Path, output_noise: float | None, rest: bool, **given: 
     better than the default rule's. Writes tune.toml, which `estimate --config` accepts and which
     holds nothing but the start where the default rule is kept, the scores as tune.csv and tune.png
     into DIR."""
-    from ddmhe.plot import tuning_figure
+    from ddmhe.report.figures import tuning_figure
     from ddmhe.tuning import tune as tuned
 
     samples, split = _read(log, given)
@@ -587,7 +587,7 @@ def _interval_rows(
 def _write_intervals(out: Path, samples: Log, split: Split, bounds: Any) -> list[Path]:
     """interval.csv, with empty cells where no finite bound is known, and interval.png if there is
     anything to draw."""
-    from ddmhe.plot import intervals_figure
+    from ddmhe.report.figures import intervals_figure
 
     written = [out / "interval.csv"]
     names = samples.names.state
@@ -768,7 +768,7 @@ def _write(
         logged = log.lines[-len(split.t) :] > 0
         report.write_estimates(csv, log.names.time, split.t[logged], log.names.state, x_hat[logged])
     if figure is not None:
-        from ddmhe.plot import estimate_figure
+        from ddmhe.report.figures import estimate_figure
 
         figure.parent.mkdir(parents=True, exist_ok=True)
         T = len(log.t) - len(split.t) - 1

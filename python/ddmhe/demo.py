@@ -99,7 +99,7 @@ def _column(result: Run, error: Array) -> dict[str, str]:
 def write(directory: Path, recording: models.Recording, results: dict[str, Run]) -> list[Path]:
     """The defaults' estimates as estimate.csv (rad/s) and a figure of all runs as estimate.png;
     their paths."""
-    from ddmhe import plot
+    from ddmhe.report.figures import estimate_figure
 
     directory.mkdir(parents=True, exist_ok=True)
     csv, png = directory / "estimate.csv", directory / "estimate.png"
@@ -108,7 +108,7 @@ def write(directory: Path, recording: models.Recording, results: dict[str, Run])
     errors = {
         name: np.linalg.norm(np.rad2deg(r.x_hat - x_true), axis=1) for name, r in results.items()
     }
-    figure = plot.estimate_figure(
+    figure = estimate_figure(
         t,
         np.rad2deg(x_hat),
         np.rad2deg(x_true),

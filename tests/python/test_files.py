@@ -16,7 +16,7 @@ FULL = "/dev/full"
 
 def writers():
     """Everything that this package writes, as (name, call with a path)."""
-    from ddmhe.plot import estimate_figure
+    from ddmhe.report.figures import estimate_figure
     from ddmhe.reproduce.claims import write_claims
 
     t, x = np.arange(5000.0), np.random.default_rng(0).standard_normal((5000, 2))

@@ -10,6 +10,7 @@ from typing import Literal
 from rich.table import Table
 
 from ddmhe.files import write_text
+from ddmhe.report.page import markdown_table
 
 __all__ = [
     "MISPRINTS",
@@ -128,32 +129,13 @@ MISPRINTS = (
 
 def write_claims(path: Path, claims: Sequence[Claim]) -> None:
     """A Markdown page: a table with one line per claim, and the misprints that do no harm."""
-    lines = [*INTRODUCTION.splitlines(), "", *_row(HEADER), "|" + " --- |" * len(HEADER)]
-    for claim in claims:
-        lines += _row(
-            (
-                claim.source,
-                claim.claim,
-                claim.printed or "–",
-                claim.ours,
-                f"**{claim.verdict}**",
-                claim.why,
-            )
-        )
-    lines += [
-        "",
-        "## Misprints that do no harm",
-        "",
-        *_row(("where", "printed", "meant")),
-        "|" + " --- |" * 3,
+    rows = [
+        (c.source, c.claim, c.printed or "–", c.ours, f"**{c.verdict}**", c.why) for c in claims
     ]
-    for misprint in MISPRINTS:
-        lines += _row(misprint)
-    write_text(path, "\n".join([*lines, ""]))
-
-
-def _row(cells: Sequence[str]) -> list[str]:
-    return ["| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |"]
+    lines = [*INTRODUCTION.splitlines(), "", *markdown_table(HEADER, rows)]
+    lines += ["", "## Misprints that do no harm", ""]
+    lines += [*markdown_table(("where", "printed", "meant"), MISPRINTS), ""]
+    write_text(path, "\n".join(lines))
 
 
 def verdicts(claims: Sequence[Claim]) -> Table:

@@ -18,6 +18,7 @@ from ddmhe import report
 from ddmhe._core import DdmheError
 from ddmhe.cases import satellite as case
 from ddmhe.files import write, write_text
+from ddmhe.report.page import markdown_table
 from ddmhe.reproduce import bench, satellite
 from ddmhe.reproduce.claims import Claim
 from ddmhe.reproduce.montecarlo import ENDS, Trials, in_parallel, percentiles, run_grid, run_trials
@@ -126,7 +127,7 @@ def _family(found: Mapping[bench.Bench, Trials]) -> pd.DataFrame:
 
 
 def _mu(advance: Callable[[], None]) -> Result:
-    from ddmhe.plot import sweep_figure
+    from ddmhe.report.figures import sweep_figure
     from ddmhe.reproduce.figures import parameter_figure
 
     names = (bench.MHE, bench.KMHE)
@@ -182,7 +183,7 @@ def _mu(advance: Callable[[], None]) -> Result:
 
 
 def _detumbling(advance: Callable[[], None]) -> Result:
-    from ddmhe.plot import outputs_figure
+    from ddmhe.report.figures import outputs_figure
     from ddmhe.reproduce.figures import trials_figure
 
     settings = satellite.settings()
@@ -267,7 +268,7 @@ def _design(advance: Callable[[], None]) -> Result:
 
 def pendulum_intervals(advance: Callable[[], None]) -> Result:
     """The two figures of the interval paper, and the widths of every method."""
-    from ddmhe.plot import intervals_figure, widths_figure
+    from ddmhe.report.figures import intervals_figure, widths_figure
     from ddmhe.reproduce import pendulum
 
     trials = in_parallel(pendulum.trial, range(SEEDS), advance)
@@ -366,18 +367,19 @@ def _markdown(
         f"Written by `ddmhe reproduce real`: NRMSE of the rate estimated from the accelerometer, {count} logs.",
         "Nothing was chosen with the truth. *inf*: diverged.",
         "",
-        "| estimator | geometric mean | median | worst | diverged |",
-        "| --- | --- | --- | --- | --- |",
-        *(
-            f"| {name} | {_short(mean)} | {_short(med)} | {_short(worst)} | {lost} |"
-            for mean, name, med, worst, lost in summary
+        *markdown_table(
+            ("estimator", "geometric mean", "median", "worst", "diverged"),
+            [
+                (str(name), *(_short(value) for value in (mean, med, worst)), str(lost))
+                for mean, name, med, worst, lost in summary
+            ],
         ),
         "",
-        "| log | " + " | ".join(str(name) for name in scores) + " |",
-        "|" + " --- |" * (len(scores.columns) + 1),
+        *markdown_table(
+            ("log", *(str(name) for name in scores)),
+            [(str(log), *(_short(value) for value in row)) for log, row in scores.iterrows()],
+        ),
     ]
-    for log, row in scores.iterrows():
-        lines.append(f"| {log} | " + " | ".join(_short(value) for value in row) + " |")
     return "\n".join([*lines, ""])
 
 

@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from ddmhe.plot import ESTIMATE, TRUTH, shade
+from ddmhe.report.style import ESTIMATE, TRUTH, shade
 from ddmhe.reproduce.montecarlo import Trial, Trials
 
 __all__ = ["parameter_figure", "trials_figure"]

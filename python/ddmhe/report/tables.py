@@ -1,103 +1,23 @@
-"""What a run leaves behind: error measures, tables for the terminal, CSV files and figure files."""
+"""Tables for the terminal: labels and texts of what an estimator, a design or a tuning found."""
 
 from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 from rich.table import Table
 
 from ddmhe._core import DdMhe, History
-from ddmhe.files import write
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
     from ddmhe.design import AffineModel, Certificate, PolePlacement
     from ddmhe.interval import ObserverDesign
     from ddmhe.tuning import Tuning
 
-Array = NDArray[np.float64]
-
-__all__ = [
-    "design",
-    "markdown",
-    "nrmse",
-    "observer_design",
-    "outcome",
-    "pooled_nrmse",
-    "promise",
-    "rmse",
-    "rmse_norm",
-    "root_mean_square",
-    "save_figure",
-    "scores",
-    "settings",
-    "table",
-    "write_estimates",
-]
-
-
-def rmse(error: Array) -> Array:
-    """Root mean square of each column of error (N, n), (n,); NaN entries are left out."""
-    known = np.isfinite(error)
-    squares = np.sum(np.where(known, error, 0.0) ** 2, axis=0)
-    counts = known.sum(axis=0)
-    return np.asarray(
-        np.sqrt(np.where(counts > 0, squares, np.nan) / np.maximum(counts, 1)), dtype=np.float64
-    )
-
-
-def rmse_norm(error: Array) -> float:
-    """Root mean square of the rows' Euclidean norms of error (N, n); rows with NaN are left out."""
-    rows = error[np.isfinite(error).all(axis=1)]
-    return float(np.sqrt(np.mean(np.sum(rows**2, axis=1)))) if len(rows) else float("nan")
-
-
-def nrmse(x_hat: Array, x: Array) -> Array:
-    """rms(x_hat - x)/std(x) of each column (N, n), (n,), over the rows where x is known: 1 is a
-    constant's score.
-
-    NaN for a column that never changes or is never known. One number for all states is their
-    `root_mean_square`."""
-    error, spread = _squares(x_hat, x)
-    return np.asarray(
-        np.sqrt(np.where(spread > 0, error, np.nan) / np.where(spread > 0, spread, 1.0))
-    )
-
-
-def root_mean_square(values: Array) -> float:
-    """Root mean square of the numbers that are known, NaN without any: the one NRMSE of several
-    states."""
-    known = values[~np.isnan(values)]
-    return float(np.sqrt(np.mean(known**2))) if known.size else float("nan")
-
-
-def pooled_nrmse(x_hat: Array, x: Array) -> float:
-    """`nrmse` with errors and spreads pooled over all columns (N, n): for states of one unit; large
-    ones count more.
-
-    The spread is taken about each column's own mean.
-    """
-    error, spread = _squares(x_hat, x)
-    return float(np.sqrt(error.sum() / spread.sum())) if spread.sum() > 0 else float("nan")
-
-
-def _squares(x_hat: Array, x: Array) -> tuple[Array, Array]:
-    """Sums of squares over each column of the errors and of the deviations of x from its mean,
-    where x is known."""
-    known = np.isfinite(x)
-    counts = known.sum(axis=0)
-    mean = np.where(known, x, 0.0).sum(axis=0) / np.maximum(counts, 1)
-    error, deviation = (
-        np.sum(np.where(known, part, 0.0) ** 2, axis=0) for part in (x_hat - x, x - mean)
-    )
-    return error, deviation
+__all__ = ["design", "observer_design", "outcome", "promise", "scores", "settings", "table"]
 
 
 def settings(est: DdMhe) -> dict[str, str]:
@@ -153,14 +73,16 @@ def design(
         return f"{value:.4g}" if np.isfinite(value) else "none"
 
     rows = {
-        "history": f"T = {history.T} samples of {history.dt:.4g} s, n = {history.n}, p = {history.p}",
+        "history": f"T = {history.T} samples of {history.dt:.4g} s, n = {history.n}, "
+        f"p = {history.p}",
         "poles of the identified A": poles(np.linalg.eigvals(model.A)),
         "rank of [X1; Y0], asked (44)": f"{placement.rank} of {placement.required_rank}",
         "its singular values": ", ".join(f"{s:.3g}" for s in placement.singular_values),
         "Algorithm 2: region, beta": f"{placement.region}, {number(placement.beta)}",
         "poles as printed": poles(placement.poles),
         "rho0, mu0 as printed": f"{number(placement.rho0)}, {number(placement.mu0)}",
-        "rho0, mu0 in the model": f"{number(placement.rho0_identified)}, {number(placement.mu0_identified)}",
+        "rho0, mu0 in the model": f"{number(placement.rho0_identified)}, "
+        f"{number(placement.mu0_identified)}",
         "rho0 of any gain at least": number(placement.lower_bound),
         "(24) holds": "yes" if placement.certified else "no",
         "certificate: eta, horizon": f"{certificate.eta:.6g}, {certificate.horizon}",
@@ -228,34 +150,3 @@ def promise(title: str, tuning: Tuning, names: Sequence[str]) -> Table:
             name, known, f"{low:.2g} to {high:.2g}" if np.isfinite(high) else "unknown", against
         )
     return result
-
-
-def markdown(title: str, tables: Sequence[Table]) -> str:
-    """Tables as they are printed, as one Markdown page."""
-    lines = [f"# {title}", ""]
-    for table in tables:
-        header = [str(column.header) for column in table.columns]
-        rows = zip(*(map(str, column.cells) for column in table.columns), strict=True)
-        lines += [
-            f"{table.title}",
-            "",
-            "| " + " | ".join(header) + " |",
-            "|" + " --- |" * len(header),
-        ]
-        lines += [
-            "| " + " | ".join(cell.replace("|", "\\|") for cell in row) + " |" for row in rows
-        ]
-        lines.append("")
-    return "\n".join(lines)
-
-
-def write_estimates(path: Path, time: str, t: Array, names: Sequence[str], x_hat: Array) -> None:
-    """A CSV with the time column and one column per state, full precision."""
-    frame = pd.DataFrame(x_hat, columns=list(names))
-    frame.insert(0, time, t)
-    write(path, lambda beside: frame.to_csv(beside, index=False))
-
-
-def save_figure(figure: Figure, path: Path) -> None:
-    """Write a figure; the ending of `path` names the format."""
-    write(path, lambda beside: figure.savefig(beside, dpi=150))

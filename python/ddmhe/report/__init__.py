@@ -1,0 +1,28 @@
+"""What a run leaves behind: error measures, tables for the terminal, Markdown pages, CSV files and
+figure files.
+
+Figures are drawn by `ddmhe.report.figures`, which is not imported here: matplotlib takes longer to
+load than an estimator to build."""
+
+from ddmhe.report.measures import nrmse, pooled_nrmse, rmse, rmse_norm, root_mean_square
+from ddmhe.report.page import markdown
+from ddmhe.report.saving import save_figure, write_estimates
+from ddmhe.report.tables import design, observer_design, outcome, promise, scores, settings, table
+
+__all__ = [
+    "design",
+    "markdown",
+    "nrmse",
+    "observer_design",
+    "outcome",
+    "pooled_nrmse",
+    "promise",
+    "rmse",
+    "rmse_norm",
+    "root_mean_square",
+    "save_figure",
+    "scores",
+    "settings",
+    "table",
+    "write_estimates",
+]

@@ -1,0 +1,31 @@
+"""Pages: tables as Markdown."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+from rich.table import Table
+
+__all__ = ["markdown", "markdown_table"]
+
+
+def markdown(title: str, tables: Sequence[Table]) -> str:
+    """Tables as they are printed, as one Markdown page."""
+    lines = [f"# {title}", ""]
+    for table in tables:
+        header = [str(column.header) for column in table.columns]
+        rows = zip(*(map(str, column.cells) for column in table.columns), strict=True)
+        lines += [f"{table.title}", "", *markdown_table(header, rows), ""]
+    return "\n".join(lines)
+
+
+def markdown_table(header: Sequence[str], rows: Iterable[Sequence[str]]) -> list[str]:
+    """Lines of a Markdown table.
+
+    Cells are not padded to the width of their column, as libraries do: with one cell that changes,
+    one line of a page changes."""
+    return [_line(header), "|" + " --- |" * len(header), *(_line(row) for row in rows)]
+
+
+def _line(cells: Sequence[str]) -> str:
+    return "| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |"

@@ -1,0 +1,32 @@
+"""Files: estimates as CSV, figures in the format that their name says."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from ddmhe.files import write
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+Array = NDArray[np.float64]
+
+__all__ = ["save_figure", "write_estimates"]
+
+
+def write_estimates(path: Path, time: str, t: Array, names: Sequence[str], x_hat: Array) -> None:
+    """A CSV with the time column and one column per state, full precision."""
+    frame = pd.DataFrame(x_hat, columns=list(names))
+    frame.insert(0, time, t)
+    write(path, lambda beside: frame.to_csv(beside, index=False))
+
+
+def save_figure(figure: Figure, path: Path) -> None:
+    """Write a figure; the ending of `path` names the format."""
+    write(path, lambda beside: figure.savefig(beside, dpi=150))

@@ -1,0 +1,31 @@
+"""How curves look: the same colours and widths in every figure."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from matplotlib import colormaps
+from matplotlib.axes import Axes
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+__all__ = ["ESTIMATE", "TRUTH", "color_of", "shade"]
+
+
+TRUTH: dict[str, Any] = {"linewidth": 3.5, "alpha": 0.35}
+"""True or recorded states: broad, below the estimates."""
+ESTIMATE: dict[str, Any] = {"linewidth": 1.2}
+"""Estimates."""
+
+
+def color_of(i: int) -> tuple[float, float, float, float]:
+    """Colour of the i-th curve."""
+    rgba: tuple[float, float, float, float] = colormaps["tab10"](i % 10)
+    return rgba
+
+
+def shade(axes: Axes, t: Array) -> None:
+    """Shade the time of the recording t (K,), s."""
+    axes.axvspan(t[0], t[-1], color="0.9", zorder=0)
