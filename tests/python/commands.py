@@ -1,14 +1,20 @@
 """The command line for tests: as a process of its own, and in this one, which saves the second that
-imports take."""
+imports take; and the columns of the log that conftest records."""
 
 import contextlib
 import io
+import re
 import subprocess
 import sys
 
 import pytest
 
 from ddmhe.cli import main
+
+STATE, OUTPUT = ["wx", "wy", "wz"], ["tx", "ty", "tz"]
+COLUMNS = ["--state", "wx,wy,wz", "--output", "tx,ty,tz"]
+T, N = 200, 600
+PNG = b"\x89PNG\r\n\x1a\n"
 
 
 def in_a_process(*arguments, cwd=None, timeout=120):
@@ -31,3 +37,8 @@ def in_here(*arguments, cwd=None):
     return subprocess.CompletedProcess(
         arguments, ended.value.code or 0, out.getvalue(), err.getvalue()
     )
+
+
+def printed(result, label):
+    """The number that a table prints beside `label`."""
+    return float(re.search(rf"{re.escape(label)}\s*│\s*([-\d.e+]+)", result.stdout).group(1))

@@ -360,15 +360,15 @@ def test_estimate_writes_the_samples_that_were_estimated(tmp_path):
         np.savetxt(file, np.column_stack([t, np.sin(t), np.cos(t)]), fmt="%.4f", delimiter=",")
     out = tmp_path / "est.csv"
     program = f"""
-    from ddmhe import cli
-    def told(*given, make=cli.DdMhe, **settings):
+    from ddmhe.cli import estimate, main
+    def told(*given, make=estimate.DdMhe, **settings):
         est = make(*given, **settings)
         ready()
         return est
-    cli.DdMhe = told
+    estimate.DdMhe = told
     sys.argv = ["ddmhe", "estimate", {str(log)!r}, "--state", "x", "--output", "y", "--history", "20",
                 "--horizon", "90", "--space", "ridge:1e-3", "--out", {str(out)!r}]
-    cli.main()
+    main()
     """
     _, code, printed, err = run(program, stop_after=0.1, limit=200)
     assert code == 130, err

@@ -1,4 +1,4 @@
-"""The paper's main job: the 3-DOF case of Liu et al. 2026, Section IV-B, from the recording to the
+"""``ddmhe demo``: the 3-DOF case of Liu et al. 2026, Section IV-B, from the recording to the
 figure."""
 
 from __future__ import annotations
@@ -9,25 +9,62 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import click
 import numpy as np
 from numpy.typing import NDArray
+from rich.console import Console
+from rich.progress import Progress
 from rich.table import Table
 
 from ddmhe import models, report
 from ddmhe._core import DdMhe, History
 from ddmhe.cases.satellite import BOX, DT, DURATION, HISTORY, PAPER, T
+from ddmhe.cli.options import directory_option
+from ddmhe.cli.printing import print_warnings, print_written
 
 Array = NDArray[np.float64]
 
-__all__ = ["DURATION", "STEPS", "Run", "run", "runs", "summary", "write"]
+__all__ = ["command"]
+
 
 STEPS = round(DURATION / DT) - T
+"""Steps that are estimated."""
 SETTINGS: dict[str, dict[str, Any]] = {
     "defaults": {},
     "paper's weights": PAPER,
 }
+"""Keywords of DdMhe of each run."""
 SPANS = (20.0, 40.0, 100.0)
+"""What errors are taken over, s from the end of the recording."""
 AXES = ("omega_x", "omega_y", "omega_z")
+"""Names of the states."""
+
+
+@click.command("demo")
+@directory_option("ddmhe-demo")
+@click.option(
+    "--seed",
+    type=click.IntRange(min=0),
+    default=0,
+    show_default=True,
+    help="Seed of the torque noise.",
+)
+@click.option("--noise", type=float, default=0.01, show_default=True, help="Torque noise, N m.")
+def command(out: Path, seed: int, noise: float) -> None:
+    """Estimate the spin of a tumbling satellite from the braking torque alone (the paper's 3-DOF
+    case).
+
+    Records 20 s, estimates the next 100 s step by step, and writes estimate.csv and estimate.png
+    into DIR."""
+    console = Console()
+    with Progress(console=console, disable=not console.is_terminal, transient=True) as progress:
+        task = progress.add_task("estimating", total=STEPS * len(SETTINGS))
+        recording, results = _runs(noise, seed, lambda: progress.advance(task))
+    written = _write(out, recording, results)
+    console.print(_summary(recording, results, noise))
+    for name, result in results.items():
+        print_warnings(console, f"{name}: ", result.est.warnings)
+    print_written(console, written)
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,7 +80,7 @@ class Run:
     active: list[int]
 
 
-def runs(
+def _runs(
     noise: float, seed: int, advance: Callable[[], None]
 ) -> tuple[models.Recording, dict[str, Run]]:
     """Simulate with `noise` (N·m) on the torque and estimate with each of SETTINGS; `advance` is
@@ -51,11 +88,11 @@ def runs(
     recording = models.detumbling().simulate(DURATION, DT, noise=noise, seed=seed)
     history = recording.history(T)
     return recording, {
-        name: run(history, recording.y[T:-1], given, advance) for name, given in SETTINGS.items()
+        name: _run(history, recording.y[T:-1], given, advance) for name, given in SETTINGS.items()
     }
 
 
-def run(history: History, Y: Array, given: dict[str, Any], advance: Callable[[], None]) -> Run:
+def _run(history: History, Y: Array, given: dict[str, Any], advance: Callable[[], None]) -> Run:
     """Estimate step by step from torques Y (N, 3), as a spacecraft would."""
     est = DdMhe(history, x_bounds=(-BOX, BOX), x_center="history", start="state", **given)
     estimates, seconds = [], []
@@ -70,7 +107,7 @@ def run(history: History, Y: Array, given: dict[str, Any], advance: Callable[[],
     )
 
 
-def summary(recording: models.Recording, results: dict[str, Run], noise: float) -> Table:
+def _summary(recording: models.Recording, results: dict[str, Run], noise: float) -> Table:
     """Settings, errors in deg/s and times of every run, side by side."""
     x_true = recording.x[T + 1 :]
     columns = {
@@ -96,7 +133,7 @@ def _column(result: Run, error: Array) -> dict[str, str]:
     }
 
 
-def write(directory: Path, recording: models.Recording, results: dict[str, Run]) -> list[Path]:
+def _write(directory: Path, recording: models.Recording, results: dict[str, Run]) -> list[Path]:
     """The defaults' estimates as estimate.csv (rad/s) and a figure of all runs as estimate.png;
     their paths."""
     from ddmhe.report.figures import estimate_figure

@@ -1,0 +1,51 @@
+"""The command line: read, estimate, print, write. One clear line on stderr and exit code 2 for any
+wrong input. One file a command."""
+
+from __future__ import annotations
+
+import io
+import sys
+from typing import NoReturn
+
+import click
+
+from ddmhe._core import DdmheError
+from ddmhe.cli import demo, design, estimate, interval, reproduce, tune
+
+__all__ = ["cli", "main"]
+
+
+@click.group(no_args_is_help=False, context_settings={"help_option_names": ["-h", "--help"]})
+@click.version_option(package_name="ddmhe", prog_name="ddmhe")
+def cli() -> None:
+    """Data-driven moving horizon estimation: the state of a system from its outputs and one
+    recording, no model."""
+
+
+for _module in (demo, estimate, design, tune, interval, reproduce):
+    cli.add_command(_module.command)
+
+
+def main() -> NoReturn:
+    """Entry point. Exits 0 on success, 2 on wrong usage or input with one line on stderr, 130 on
+    Ctrl-C."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            # a terminal that lacks a character must not end the run
+            stream.reconfigure(errors="replace")
+    try:
+        sys.exit(cli.main(prog_name="ddmhe", standalone_mode=False))
+    except click.Abort:
+        sys.exit(130)
+    except click.UsageError as e:
+        _fail(f"{e.format_message()} (see {e.ctx.command_path if e.ctx else 'ddmhe'} --help)")
+    except DdmheError as e:
+        _fail(str(e))
+    except OSError as e:
+        place, found = e.filename or "a file", e.strerror or e
+        _fail(f"{place}: expected to be able to read or write it, found: {found}")
+
+
+def _fail(message: str) -> NoReturn:
+    print("ddmhe: error:", " ".join(message.split()), file=sys.stderr)
+    sys.exit(2)

@@ -1,0 +1,167 @@
+"""``ddmhe interval``: guaranteed intervals of the paper's pendulum or of a log."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Any
+
+import click
+import numpy as np
+from rich.console import Console
+from rich.progress import Progress
+
+from ddmhe import report
+from ddmhe._core import DdmheError
+from ddmhe.cli.options import directory_option, radius, reading_options
+from ddmhe.cli.printing import print_written
+from ddmhe.cli.reading import read
+from ddmhe.logs import Log, Split
+
+__all__ = ["command"]
+
+
+@click.command("interval")
+@click.argument("log", metavar="pendulum|LOG")
+@reading_options(required=False)
+@click.option(
+    "--w-radius",
+    callback=radius,
+    metavar="R|R1,R2,...",
+    help="Bound on |x(k+1) - A x(k) - e|, units of the states.",
+)
+@click.option(
+    "--v-radius",
+    callback=radius,
+    metavar="R|R1,R2,...",
+    help="Bound on |y(k) - C x(k) - r|, units of the outputs.",
+)
+@click.option(
+    "--kappa",
+    type=float,
+    default=1.1,
+    show_default=True,
+    help="Without radii: times the smallest that the log admits.",
+)
+@click.option("--accept-wide", is_flag=True, help="Write bounds that say little, too.")
+@directory_option("ddmhe-interval")
+def command(log: str, out: Path, **given: Any) -> None:
+    """Guaranteed intervals: of the interval paper's pendulum, or of a LOG's states after its
+    history.
+
+    pendulum: gain, gains in the peak, widths of every method, both figures of the paper with ours
+    beside it. LOG: an interval observer for every affine system that the history allows with the
+    stated bounds on its noise, and a verdict: the width against the recorded range. Bounds wider
+    than half of it are refused with exit code 2."""
+    if log == "pendulum":
+        _pendulum(out)
+    else:
+        _log(Path(log), out, given)
+
+
+def _pendulum(out: Path) -> None:
+    """The interval paper's pendulum."""
+    from ddmhe.reproduce import run_experiment
+    from ddmhe.reproduce.experiments import EXPERIMENTS
+    from ddmhe.reproduce.pendulum import design
+
+    console = Console(width=None if sys.stdout.isatty() else 160)
+    with Progress(console=console, disable=not console.is_terminal, transient=True) as progress:
+        task = progress.add_task("pendulum", total=EXPERIMENTS["pendulum"].units)
+        result, written = run_experiment("pendulum", out, lambda: progress.advance(task))
+    designs = {"paper (42), lambda = 0.5": design(), "exact, lambda = 0.5": design("exact")}
+    designs["exact, best lambda"] = design("exact", None)
+    columns = {name: report.observer_design(g) for name, g in designs.items()}
+    console.print(report.table("Observer of the pendulum (60)", columns), *result.printed)
+    print_written(console, written)
+
+
+def _log(log: Path, out: Path, given: dict[str, Any]) -> None:
+    """Intervals of a log, written only if they say something."""
+    from ddmhe.interval import from_history, judge
+
+    radii = _radii(given)
+    samples, split = read(log, given)
+    names = samples.names.state, samples.names.output
+    model = from_history(split.history, *radii.values(), kappa=given["kappa"], names=names)
+    bounds = model.observer().run(split.Y)
+    if bounds.violation is not None:
+        at = f"at {split.t[len(bounds)]:g} s {bounds.violation}"
+        raise DdmheError(
+            f"--w-radius, --v-radius: expected bounds that the whole log keeps, found {at}"
+        )
+    verdict = judge(bounds.lower, bounds.upper, (model.lower, model.upper), split.t, names[0])
+    console = Console()
+    console.print(
+        report.table(f"Intervals of {log.name}", {"": _rows(model, bounds, split, names)})
+    )
+    for words in (model.words, f"verdict: {verdict.words}"):
+        console.print(words, markup=False, highlight=False, soft_wrap=True)
+    if not (verdict.useful or given["accept_wide"]):
+        raise DdmheError(
+            "--w-radius, --v-radius: expected bounds narrower than half of the recorded range, "
+            f"found {verdict.words}; nothing is written, --accept-wide writes them all the same"
+        )
+    out.mkdir(parents=True, exist_ok=True)
+    print_written(console, _write(out, samples, split, bounds))
+
+
+def _radii(given: dict[str, Any]) -> dict[str, Any]:
+    """Both radii, "auto" where none is given; UsageError where a log needs what is not given."""
+    radii = {f"--{end}-radius": given[f"{end}_radius"] for end in "wv"}
+    if all(value is None for value in radii.values()):
+        radii = dict.fromkeys(radii, "auto")
+    needed = {f"--{key}": given[key] for key in ("state", "output", "history")} | radii
+    for name, value in needed.items():
+        if value is None or (isinstance(value, tuple) and not value):
+            raise click.UsageError(f"{name}: expected with a log, found none")
+    return radii
+
+
+def _rows(
+    model: Any, bounds: Any, split: Split, names: tuple[tuple[str, ...], tuple[str, ...]]
+) -> Any:
+    """What the table of `interval LOG` shows."""
+    with np.errstate(over="ignore"):
+        width = np.median(bounds.upper - bounds.lower, axis=0)
+    sizes = [f"{value:.4g}" if np.isfinite(value) else "no finite bound" for value in width]
+    rows = {
+        f"median full width of {name}": size for name, size in zip(names[0], sizes, strict=True)
+    }
+    for argument, called, bound, least in (
+        ("w-radius", names[0], model.w_radius, model.w_least),
+        ("v-radius", names[1], model.v_radius, model.v_least),
+    ):
+        for name, r, low in zip(called, bound, least, strict=True):
+            rows[f"{argument} of {name}"] = f"{r:.4g} (smallest admissible {low:.4g})"
+    if split.x_true is not None:
+        known = np.isfinite(split.x_true)
+        out_of = ((split.x_true < bounds.lower) | (split.x_true > bounds.upper)) & known
+        rows["samples of the log outside"] = (
+            f"{int(out_of.any(axis=1).sum())} of {int(known.all(axis=1).sum())}"
+        )
+    return rows
+
+
+def _write(out: Path, samples: Log, split: Split, bounds: Any) -> list[Path]:
+    """interval.csv, with empty cells where no finite bound is known, and interval.png if there is
+    anything to draw."""
+    from ddmhe.report.figures import intervals_figure
+
+    written = [out / "interval.csv"]
+    names = samples.names.state
+    columns = [f"{name} {end}" for name in names for end in ("lower", "upper")]
+    values = np.stack([bounds.lower, bounds.upper], axis=2).reshape(len(bounds.lower), -1)
+    values = np.where(np.isfinite(values), values, np.nan)
+    report.write_estimates(written[0], samples.names.time, split.t, columns, values)
+    with np.errstate(over="ignore"):
+        drawn = np.isfinite(bounds.upper - bounds.lower).any(axis=0).all()
+    if drawn:
+        truth = np.full_like(bounds.lower, np.nan) if split.x_true is None else split.x_true
+        labels = [f"{name} (unit of the log)" for name in names]
+        figure = intervals_figure(
+            split.t, truth, {"interval": (bounds.lower, bounds.upper)}, labels
+        )
+        written.append(out / "interval.png")
+        report.save_figure(figure, written[1])
+    return written

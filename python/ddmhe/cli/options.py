@@ -1,0 +1,141 @@
+"""Options that several commands share, and what their texts mean."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import click
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+__all__ = ["directory_option", "log_options", "radius", "reading_options"]
+
+
+def names(ctx: click.Context, param: click.Parameter, value: str | None) -> tuple[str, ...]:
+    """Column names from a comma-separated list."""
+    if value is None:  # `interval pendulum` needs none
+        return ()
+    names = tuple(part.strip() for part in value.split(","))
+    if "" in names:
+        raise click.BadParameter(f"expected column names separated by commas, found {value!r}")
+    return names
+
+
+def numbers(
+    ctx: click.Context, param: click.Parameter, value: str | None
+) -> tuple[float, ...] | None:
+    """Finite numbers from a comma-separated list."""
+    if value is None:
+        return None
+    numbers = _parsed(value)
+    if not numbers or not np.isfinite(numbers).all():
+        raise click.BadParameter(f"expected finite numbers separated by commas, found {value!r}")
+    return numbers
+
+
+def radius(ctx: click.Context, param: click.Parameter, value: str | None) -> Array | None:
+    """One number for all columns, or one a column, separated by commas."""
+    if value is None:
+        return None
+    found = np.array(_parsed(value))
+    if not found.size:
+        raise click.BadParameter(
+            f"expected a number, or one a column parted by commas, found {value!r}"
+        )
+    return found[0] if len(found) == 1 else found
+
+
+def _parsed(value: str) -> tuple[float, ...]:
+    """The numbers of a comma-separated list; none where one of them is no number."""
+    try:
+        return tuple(float(part) for part in value.split(","))
+    except ValueError:
+        return ()
+
+
+_HOW_TO_READ: list[Callable[[Any], Any]] = [
+    click.option("--time", metavar="NAME", help="Column of the time, s.  [default: the first]"),
+    click.option(
+        "--start",
+        type=float,
+        help="Where the recording begins, s of the log's clock.  [default: first row]",
+    ),
+    click.option(
+        "--decimate",
+        type=int,
+        default=1,
+        show_default=True,
+        metavar="K",
+        help="Keep every K-th row.",
+    ),
+    click.option(
+        "--gaps",
+        type=click.Choice(["error", "fill"]),
+        default="fill",
+        show_default=True,
+        help="A gap in the log: take the lacking samples as not measured, or refuse the log.",
+    ),
+    click.option(
+        "--missing",
+        callback=numbers,
+        metavar="V1,V2,...",
+        help="Numbers that say not measured, like -9999.",
+    ),
+    click.option(
+        "--unwrap",
+        callback=names,
+        metavar="C1,C2,...",
+        help="Angles that jump by a turn: go on instead.",
+    ),
+]
+"""What may be said of any log."""
+
+
+def reading_options(required: bool) -> Callable[[Any], Any]:
+    """How to read a log; `required`: whether its columns and its history must be named."""
+
+    def columns(name: str, words: str) -> Callable[[Any], Any]:
+        return click.option(
+            name, callback=names, required=required, metavar="C1,C2,...", help=words
+        )
+
+    options = [
+        columns("--state", "Columns of the state."),
+        columns("--output", "Columns of the output."),
+        click.option(
+            "--history",
+            type=float,
+            required=required,
+            help="Length of the recording to learn from, s.",
+        ),
+        *_HOW_TO_READ,
+    ]
+
+    def decorate(command: Any) -> Any:
+        for option in reversed(options):
+            command = option(command)
+        return command
+
+    return decorate
+
+
+def directory_option(default: str) -> Callable[[Any], Any]:
+    """Where a command writes its files."""
+    return click.option(
+        "--out",
+        type=click.Path(path_type=Path),
+        default=Path(default),
+        show_default=True,
+        metavar="DIR",
+    )
+
+
+def log_options(command: Any) -> Any:
+    """The log and how to read it: what every command that takes a log has."""
+    return click.argument("log", type=click.Path(path_type=Path))(
+        reading_options(required=True)(command)
+    )

@@ -1,0 +1,28 @@
+"""What every command prints: warnings, and the files that it wrote."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterable
+from pathlib import Path
+
+from rich.console import Console
+
+__all__ = ["print_warnings", "print_written", "warn"]
+
+
+def warn(sentence: str) -> None:
+    """One line on stderr."""
+    print("ddmhe: warning:", sentence, file=sys.stderr)
+
+
+def print_warnings(console: Console, prefix: str, warnings: Iterable[str]) -> None:
+    """Warnings among what is printed, each after the prefix."""
+    for warning in warnings:
+        console.print(f"warning: {prefix}{warning}", style="yellow", markup=False, soft_wrap=True)
+
+
+def print_written(console: Console, paths: list[Path]) -> None:
+    """The paths, one a line."""
+    for path in paths:
+        console.print(f"wrote {path}", markup=False, highlight=False, soft_wrap=True)

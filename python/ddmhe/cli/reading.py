@@ -1,0 +1,75 @@
+"""A log read as the options say, and what looks odd in it said on stderr."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+from typing import Any
+
+from ddmhe._core import wrapped_angle
+from ddmhe.cli.printing import warn
+from ddmhe.logs import Log, Split, read_log
+from ddmhe.recordings.oddities import far_out
+
+__all__ = ["read", "untold"]
+
+
+SHOWN = 3
+"""How many values and lines a warning names."""
+
+
+def read(log: Path, given: dict[str, Any]) -> tuple[Log, Split]:
+    """The samples of a log and their split after the history; takes the options of `log_options`
+    out of `given`.
+
+    What sits oddly in a column is pointed out on stderr.
+    """
+    columns = [given.pop(name) for name in ("state", "output", "time", "start", "decimate")]
+    samples = read_log(
+        log, *columns, missing=given.pop("missing") or (), unwrap=given.pop("unwrap")
+    )
+    for sentence in _oddities(samples):
+        warn(sentence)
+    samples = samples.fill_gaps() if given.pop("gaps") == "fill" else samples
+    return samples, samples.split(given.pop("history"))
+
+
+def _oddities(log: Log) -> Iterator[str]:
+    """What sits oddly in the columns of a log, in words that name the option for it."""
+    columns = dict(zip(log.names.state, log.x.T, strict=True)) | dict(
+        zip(log.names.output, log.y.T, strict=True)
+    )
+    for name, values in columns.items():
+        rows = far_out(values)
+        if rows.size:
+            found = [f"{v:.10g}" for v in dict.fromkeys(values[rows])]
+            lines = [str(line) for line in log.lines[rows]]
+            yield (
+                f"{log.path}, column {name!r}: {_some(found)} in line {_some(lines)} sits more "
+                "than 50 deviations out on its own; if it says not measured: --missing "
+                f"{','.join(found)}"
+            )
+        wrapped = wrapped_angle(values)
+        if wrapped is not None:
+            full, row = wrapped
+            yield (
+                f"{log.path}, column {name!r}, line {log.lines[row]}: looks like an angle that "
+                f"jumps by a full turn of {full:.6g}, which no linear motion does; use its cosine "
+                f"and sine as two columns, or --unwrap {name}"
+            )
+
+
+def untold(log: Log, warnings: Iterable[str]) -> Iterator[str]:
+    """Warnings of an estimator without those on angles in columns that `_oddities` has named."""
+    told = tuple(
+        f"{kind} {index} (counted from 0) jumps by"
+        for kind, columns in (("state", log.x.T), ("output", log.y.T))
+        for index, values in enumerate(columns)
+        if wrapped_angle(values) is not None
+    )
+    return (sentence for sentence in warnings if not sentence.startswith(told))
+
+
+def _some(words: list[str]) -> str:
+    more = f" and {len(words) - SHOWN} more" if len(words) > SHOWN else ""
+    return ", ".join(words[:SHOWN]) + more
