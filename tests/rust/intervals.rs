@@ -197,7 +197,7 @@ fn a_sample_that_the_bounds_exclude_is_an_error_and_changes_nothing() {
         }
         match observer.step(&[3.0], &[]) {
             Err(Error::ModelViolation { step: 5, state: 0, gap, .. }) => {
-                assert!(gap > 1.0 && gap < 2.5, "{gap}")
+                assert!(gap > 1.0 && gap < 2.5, "{gap}");
             }
             found => panic!("{found:?}"),
         }

@@ -91,7 +91,7 @@ fn hostile_content_is_harmless() {
                     drop(hostile.splice(
                         at..=at,
                         [0xff, 0xff, 0xff, 0xff, 0xff, 0xff, 0xff, 0xff, 0x7f, 0x01],
-                    ))
+                    ));
                 }
                 _ => hostile.truncate(at),
             }

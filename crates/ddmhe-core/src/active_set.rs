@@ -932,7 +932,7 @@ mod tests {
             };
             closest = closest.min(if off > 0.0 { off } else { 1.0 });
             (0..r).for_each(|j| {
-                A[(i, j)] = scale * A[(other, j)] + off * rng.random_range(-1.0..1.0)
+                A[(i, j)] = scale * A[(other, j)] + off * rng.random_range(-1.0..1.0);
             });
         }
         (A, inside, closest)
@@ -955,7 +955,7 @@ mod tests {
                     (lo[i], hi[i]) = (
                         w + shift - rng.random_range(0.0..0.5),
                         w + shift + rng.random_range(0.0..0.5),
-                    )
+                    );
                 }
             }
         }

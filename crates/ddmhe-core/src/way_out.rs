@@ -510,7 +510,7 @@ mod tests {
             let last = rows - 1;
             unit[last] = 1.0;
             (0..r).for_each(|j| {
-                A[(last, j)] = (0..many).map(|i| weights[i] * A[(i, j)] / unit[i]).sum()
+                A[(last, j)] = (0..many).map(|i| weights[i] * A[(i, j)] / unit[i]).sum();
             });
             for i in 0..many {
                 hi[i] = along(&A, i, &inside);

@@ -143,7 +143,7 @@ impl WindowProblem {
         let start = |K: MatRef<'_, f64>, c: &[f64]| {
             let mut z = vec![0.0; padded(K.nrows())];
             (0..K.nrows()).for_each(|i| {
-                z[i] = -c.iter().enumerate().map(|(j, c)| K[(i, j)] * c).sum::<f64>()
+                z[i] = -c.iter().enumerate().map(|(j, c)| K[(i, j)] * c).sum::<f64>();
             });
             z
         };
@@ -595,7 +595,7 @@ impl WindowProblem {
                     let a_row = self.rows.entry(a, row);
                     s.free[row] -= a_row * known;
                     (0..=row).for_each(|column| {
-                        L[row * stride + column] -= lost * a_row * self.rows.entry(b, column)
+                        L[row * stride + column] -= lost * a_row * self.rows.entry(b, column);
                     });
                 }
             }
