@@ -99,6 +99,15 @@ pub struct Config {
 }
 
 impl Config {
+    /// Every setting alone, for the sizes of a recording; [`DdMhe::new`](crate::DdMhe::new) begins
+    /// with it.
+    ///
+    /// # Errors
+    /// [`Error::Shape`], [`Error::NotFinite`] or [`Error::Value`] naming the setting.
+    pub fn check(&self, history: &History) -> Result<(), Error> {
+        validate(history, self)
+    }
+
     /// The known rest (x_e, y_e).
     pub(crate) fn rest(&self) -> Option<(&[f64], &[f64])> {
         self.equilibrium.as_ref().map(|(x, y)| (&x[..], &y[..]))
@@ -139,56 +148,11 @@ pub struct Settings {
 /// Every setting alone, before anything is computed.
 pub(crate) fn validate(history: &History, config: &Config) -> Result<(), Error> {
     let (n, p) = (history.n(), history.p());
-    if let Some(rho) = config.rho
-        && !(rho > 0.0 && rho < 1.0)
-    {
-        return Err(Error::value("rho", "a number in (0, 1)", rho));
-    }
-    if let Some(mu) = config.mu
-        && !(mu > 0.0 && mu.is_finite())
-    {
-        return Err(Error::value("mu", "a positive finite number", mu));
-    }
-    if let Some(certificate) = &config.certificate {
-        certificate.check(n, p)?;
-        for (name, value) in [("rho", config.rho), ("mu", config.mu)] {
-            if let Some(value) = value {
-                return Err(Error::value(
-                    name,
-                    "none beside a certificate, which holds the weights",
-                    value,
-                ));
-            }
-        }
-        if config.weights == Weighting::Scaled {
-            return Err(Error::value(
-                "weights",
-                "\"paper\" or \"auto\" beside a certificate, whose units are the user's",
-                "\"scaled\"",
-            ));
-        }
-    }
-    if let Some(disturbance) = &config.disturbance {
-        disturbance.check()?;
-        if config.certificate.is_none() {
-            return Err(Error::value("disturbance", "a certificate beside it", "none"));
-        }
-    }
+    check_weights(config, n, p)?;
     if config.horizon == Some(0) {
         return Err(Error::value("horizon", "at least 1", 0));
     }
-    match config.space {
-        Space::Truncated { rank: Some(0), .. } => {
-            return Err(Error::value("space", "Truncated with rank at least 1", 0));
-        }
-        Space::Truncated { tol: Some(tol), .. } if !(0.0..1.0).contains(&tol) => {
-            return Err(Error::value("space", "Truncated with tol in [0, 1)", tol));
-        }
-        Space::Ridge { weight, .. } if !(weight > 0.0 && weight.is_finite()) => {
-            return Err(Error::value("space", "Ridge with a positive finite weight", weight));
-        }
-        _ => {}
-    }
+    check_space(config.space)?;
     if let Some(x) = &config.x_prior {
         check_vector("x_prior", x, n)?;
         check_start(config.start)?;
@@ -205,6 +169,63 @@ pub(crate) fn validate(history: &History, config: &Config) -> Result<(), Error> 
         check_vector("equilibrium", y, p)?;
     }
     Ok(())
+}
+
+/// ρ and μ, or a certificate in their place.
+fn check_weights(config: &Config, n: usize, p: usize) -> Result<(), Error> {
+    match config.rho {
+        Some(rho) if !(rho > 0.0 && rho < 1.0) => {
+            return Err(Error::value("rho", "a number in (0, 1)", rho));
+        }
+        _ => {}
+    }
+    match config.mu {
+        Some(mu) if !(mu > 0.0 && mu.is_finite()) => {
+            return Err(Error::value("mu", "a positive finite number", mu));
+        }
+        _ => {}
+    }
+    if let Some(certificate) = &config.certificate {
+        certificate.check(n, p)?;
+        check_beside_certificate(config)?;
+    }
+    if let Some(disturbance) = &config.disturbance {
+        disturbance.check()?;
+        if config.certificate.is_none() {
+            return Err(Error::value("disturbance", "a certificate beside it", "none"));
+        }
+    }
+    Ok(())
+}
+
+/// A certificate holds the weights, in the user's units.
+fn check_beside_certificate(config: &Config) -> Result<(), Error> {
+    for (name, value) in [("rho", config.rho), ("mu", config.mu)] {
+        if let Some(value) = value {
+            let expected = "none beside a certificate, which holds the weights";
+            return Err(Error::value(name, expected, value));
+        }
+    }
+    if config.weights == Weighting::Scaled {
+        let expected = "\"paper\" or \"auto\" beside a certificate, whose units are the user's";
+        return Err(Error::value("weights", expected, "\"scaled\""));
+    }
+    Ok(())
+}
+
+fn check_space(space: Space) -> Result<(), Error> {
+    match space {
+        Space::Truncated { rank: Some(0), .. } => {
+            Err(Error::value("space", "Truncated with rank at least 1", 0))
+        }
+        Space::Truncated { tol: Some(tol), .. } if !(0.0..1.0).contains(&tol) => {
+            Err(Error::value("space", "Truncated with tol in [0, 1)", tol))
+        }
+        Space::Ridge { weight, .. } if !(weight > 0.0 && weight.is_finite()) => {
+            Err(Error::value("space", "Ridge with a positive finite weight", weight))
+        }
+        _ => Ok(()),
+    }
 }
 
 /// A state to start from belongs to one start alone.

@@ -1,65 +1,123 @@
 //! Certificates and disturbance sizes from Python: any object with the attributes of
-//! `ddmhe.design.Certificate`.
+//! `ddmhe.design.Certificate`, and no others.
 
-use crate::convert::{DdmheError, Numbers, ShapeError, number, raise, shown};
+use crate::convert::{DdmheError, Numbers, ShapeError, nearest, number, raise, shown};
 use ddmhe_core::{Certificate, Disturbance, Model, Uncertainty};
 use pyo3::prelude::*;
+use pyo3::types::PyDict;
 
 const ARGUMENT: &str = "certificate";
 
+/// Attributes of a certificate; the estimator takes no notice of the last four.
+const FIELDS: [&str; 14] = [
+    "P",
+    "Q",
+    "R",
+    "eta",
+    "growth",
+    "A",
+    "C",
+    "e",
+    "r",
+    "uncertainty",
+    "identified",
+    "residual",
+    "noise",
+    "optimised",
+];
+
 /// P, Q, R, eta; growth, the model (A, C, with e and r) and its uncertainty where they are not
-/// None.
-pub fn certificate(value: &Bound<'_, PyAny>, n: usize, p: usize) -> PyResult<Certificate> {
-    let wrong = |name: &str| {
-        DdmheError::new_err(format!(
-            "{ARGUMENT}: expected a ddmhe.design.Certificate, found one without {name}"
-        ))
+/// None. `sizes` are (n, p), else those of P and R.
+pub fn certificate(
+    value: &Bound<'_, PyAny>,
+    sizes: Option<(usize, usize)>,
+) -> PyResult<Certificate> {
+    let own = Attributes(value);
+    let [P, Q, R, eta] = ["P", "Q", "R", "eta"].map(|name| own.required(name));
+    let (P, Q, R, eta) = (P?, Q?, R?, eta?);
+    own.check_names()?;
+    let (n, p) = match sizes {
+        Some(sizes) => sizes,
+        None => (rows(&P)?, rows(&R)?),
     };
-    let part = |name: &str| value.getattr(name).map_err(|_| wrong(name));
-    let eta: f64 = part("eta")?.extract().map_err(|_| wrong("a number eta"))?;
-    let growth =
-        value.getattr("growth").ok().filter(|v| !v.is_none()).map(|v| v.extract()).transpose();
     Ok(Certificate {
-        P: matrix(&part("P")?, n, n)?,
-        Q: matrix(&part("Q")?, n, n)?,
-        R: matrix(&part("R")?, p, p)?,
-        eta,
-        growth: growth.map_err(|_: PyErr| wrong("a number growth"))?,
-        model: model(value, n, p)?,
+        P: matrix(&P, n, n)?,
+        Q: matrix(&Q, n, n)?,
+        R: matrix(&R, p, p)?,
+        eta: scalar("eta", &eta)?,
+        growth: own.get("growth").map(|v| scalar("growth", &v)).transpose()?,
+        model: model(&own, n, p)?,
     })
 }
 
 /// The model, if A and C are there; without e and r they are to be taken from the recording.
-fn model(value: &Bound<'_, PyAny>, n: usize, p: usize) -> PyResult<Option<Model>> {
-    let part = |name: &str| value.getattr(name).ok().filter(|v| !v.is_none());
-    let (Some(A), Some(C)) = (part("A"), part("C")) else { return Ok(None) };
-    let offset =
-        |name: &str, len: usize| part(name).map(|v| Numbers::vector(ARGUMENT, &v, len)).transpose();
+fn model(own: &Attributes<'_, '_>, n: usize, p: usize) -> PyResult<Option<Model>> {
+    let (Some(A), Some(C)) = (own.get("A"), own.get("C")) else { return Ok(None) };
+    let offset = |name: &str, len: usize| {
+        own.get(name).map(|v| Numbers::vector(ARGUMENT, &v, len)).transpose()
+    };
     let (e, r) = (offset("e", n)?, offset("r", p)?);
     if e.is_some() != r.is_some() {
-        return Err(DdmheError::new_err(format!(
-            "{ARGUMENT}: expected both e and r or neither, found one"
-        )));
+        return Err(wrong("both e and r or neither, found one"));
     }
-    let identified = part("identified").is_some_and(|v| v.is_truthy().unwrap_or(true));
-    let uncertainty = part("uncertainty")
-        .map(|u| {
-            let metric = matrix(&u.getattr("metric")?, n + 1, n + 1)?;
-            Ok::<_, PyErr>(Uncertainty {
-                metric,
-                w: u.getattr("w")?.extract()?,
-                v: u.getattr("v")?.extract()?,
-            })
-        })
-        .transpose()?;
     Ok(Some(Model {
         A: matrix(&A, n, n)?,
         e: e.unwrap_or_default(),
         C: matrix(&C, p, n)?,
         r: r.unwrap_or_default(),
-        identified,
-        uncertainty,
+        identified: own.get("identified").is_some_and(|v| v.is_truthy().unwrap_or(true)),
+        uncertainty: own.get("uncertainty").map(|u| uncertainty(&u, n)).transpose()?,
     }))
+}
+
+fn uncertainty(value: &Bound<'_, PyAny>, n: usize) -> PyResult<Uncertainty> {
+    let part = |name: &str| {
+        let missing = |_| wrong(&format!("an uncertainty with {name}, found {}", shown(value)));
+        value.getattr(name).map_err(missing)
+    };
+    let metric = matrix(&part("metric")?, n + 1, n + 1)?;
+    Ok(Uncertainty { metric, w: scalar("w", &part("w")?)?, v: scalar("v", &part("v")?)? })
+}
+
+/// What an object says of itself, None like nothing.
+struct Attributes<'a, 'py>(&'a Bound<'py, PyAny>);
+
+impl<'py> Attributes<'_, 'py> {
+    fn get(&self, name: &str) -> Option<Bound<'py, PyAny>> {
+        self.0.getattr(name).ok().filter(|v| !v.is_none())
+    }
+
+    fn required(&self, name: &str) -> PyResult<Bound<'py, PyAny>> {
+        let missing = |_| wrong(&format!("a ddmhe.design.Certificate, found one without {name}"));
+        self.0.getattr(name).map_err(missing)
+    }
+
+    /// A misspelt attribute would count as one that is not there.
+    fn check_names(&self) -> PyResult<()> {
+        let Ok(own) = self.0.getattr("__dict__") else { return Ok(()) };
+        let Ok(own) = own.cast_into::<PyDict>() else { return Ok(()) };
+        for name in own.keys() {
+            let name: String = name.extract()?;
+            if !name.starts_with('_') && !FIELDS.contains(&name.as_str()) {
+                let near = nearest(self.0.py(), &name, &FIELDS)?;
+                let found = format!("a ddmhe.design.Certificate, found one with {name:?}{near}");
+                return Err(wrong(&found));
+            }
+        }
+        Ok(())
+    }
+}
+
+fn wrong(words: &str) -> PyErr {
+    DdmheError::new_err(format!("{ARGUMENT}: expected {words}"))
+}
+
+fn scalar(name: &str, value: &Bound<'_, PyAny>) -> PyResult<f64> {
+    value.extract().map_err(|_| wrong(&format!("a number for {name}, found {}", shown(value))))
+}
+
+fn rows(value: &Bound<'_, PyAny>) -> PyResult<usize> {
+    Ok(Numbers::matrix(ARGUMENT, value, "(n, n)")?.1)
 }
 
 fn matrix(value: &Bound<'_, PyAny>, rows: usize, columns: usize) -> PyResult<Vec<f64>> {

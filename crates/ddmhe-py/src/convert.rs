@@ -3,13 +3,13 @@
 use ddmhe_core::{Bounds, Error};
 use numpy::ndarray::Dimension;
 use numpy::{
-    IntoPyArray, PyArray, PyArray1, PyArray2, PyArrayDyn, PyArrayMethods, PyReadwriteArray,
-    PyUntypedArrayMethods,
+    AllowTypeChange, IntoPyArray, PyArray, PyArray1, PyArray2, PyArrayDyn, PyArrayLikeDyn,
+    PyArrayMethods, PyReadwriteArray, PyUntypedArrayMethods,
 };
 use pyo3::create_exception;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
-use pyo3::types::{PyDict, PyList, PyListMethods, PyString, PyTuple};
+use pyo3::types::{PyList, PyListMethods, PyString, PyTuple};
 
 create_exception!(
     ddmhe,
@@ -83,10 +83,9 @@ impl Numbers {
     /// As [`from`](Self::from), with NaN for entries that are masked, None or pandas.NA: not
     /// measured.
     pub fn measured(argument: &str, value: &Bound<'_, PyAny>) -> PyResult<Self> {
-        let py = value.py();
         let wrong = |found: String| not_real(argument, &found);
         let (plain, mask) =
-            without_mask(value).map_err(|e| wrong(one_line(&e.value(py).to_string())))?;
+            without_mask(value).map_err(|e| wrong(one_line(&e.value(value.py()).to_string())))?;
         let kind: String = plain.getattr("dtype")?.getattr("kind")?.extract()?;
         if kind == "O" {
             return Numbers::of_objects(argument, &plain, mask.as_ref());
@@ -99,16 +98,9 @@ impl Numbers {
                 format!("one of type {}", plain.getattr("dtype")?)
             }));
         }
-        let options = PyDict::new(py);
-        options.set_item("dtype", "float64")?;
-        options.set_item("order", "C")?;
-        let array = py.import("numpy")?.call_method("asarray", (plain,), Some(&options))?;
-        let array = array
-            .cast::<PyArrayDyn<f64>>()
-            .map_err(|_| wrong("something else".into()))?
-            .try_readonly()?;
-        let mut data =
-            array.as_slice().map_err(|_| wrong("a non-contiguous array".into()))?.to_vec();
+        let array: PyArrayLikeDyn<'_, f64, AllowTypeChange> =
+            plain.extract().map_err(|_| wrong("something else".into()))?;
+        let mut data: Vec<f64> = array.as_array().iter().copied().collect(); // in C order
         let mut missing = None;
         for (k, (entry, _)) in
             data.iter_mut().zip(mask.unwrap_or_default()).enumerate().filter(|(_, (_, m))| *m)
@@ -280,28 +272,33 @@ pub fn bounds(
     depth: Option<usize>,
 ) -> PyResult<Bounds> {
     let [lo, hi] = &pair(argument, "a pair (lo, hi)", value)?;
-    let side = |value: &Bound<'_, PyAny>| -> PyResult<Vec<f64>> {
-        let numbers = Numbers::from(argument, value)?;
-        let whole = depth.map(|m| (m + 1) * width);
-        match numbers.shape[..] {
-            [] => Ok(vec![numbers.data[0]; whole.unwrap_or(width)]),
-            [l] if l == width => {
-                Ok(numbers.data.iter().copied().cycle().take(whole.unwrap_or(width)).collect())
-            }
-            [rows, columns] if columns == width && Some(rows * columns) == whole => {
-                Ok(numbers.data)
-            }
-            _ => {
-                let window =
-                    depth.map_or(String::new(), |m| format!(" or a ({}, {width}) array", m + 1));
-                Err(ShapeError::new_err(format!(
-                    "{argument}: expected a scalar, {width} numbers{window} on each side, found {}",
-                    described(&numbers.shape)
-                )))
-            }
-        }
-    };
+    let side = |value| side(argument, Numbers::from(argument, value)?, width, depth);
     Ok(Bounds { lo: side(lo)?, hi: side(hi)? })
+}
+
+/// One side of `bounds`.
+pub fn side(
+    argument: &str,
+    numbers: Numbers,
+    width: usize,
+    depth: Option<usize>,
+) -> PyResult<Vec<f64>> {
+    let whole = depth.map_or(width, |m| (m + 1) * width);
+    match numbers.shape[..] {
+        [] => Ok(vec![numbers.data[0]; whole]),
+        [l] if l == width => Ok(numbers.data.iter().copied().cycle().take(whole).collect()),
+        [rows, columns] if columns == width && depth.is_some_and(|m| rows == m + 1) => {
+            Ok(numbers.data)
+        }
+        _ => {
+            let window =
+                depth.map_or(String::new(), |m| format!(" or a ({}, {width}) array", m + 1));
+            Err(ShapeError::new_err(format!(
+                "{argument}: expected a scalar, {width} numbers{window} on each side, found {}",
+                described(&numbers.shape)
+            )))
+        }
+    }
 }
 
 /// A 1-D NumPy array.
@@ -389,6 +386,13 @@ pub fn text(argument: &str, value: &Bound<'_, PyAny>) -> PyResult<String> {
     let wrong =
         || DdmheError::new_err(format!("{argument}: expected a text, found {}", shown(value)));
     value.extract().map_err(|_| wrong())
+}
+
+/// The known name that was most likely meant, as the end of a message.
+pub fn nearest(py: Python<'_>, name: &str, known: &[&str]) -> PyResult<String> {
+    let matches = py.import("difflib")?.call_method1("get_close_matches", (name, known, 1))?;
+    let matches: Vec<String> = matches.extract()?;
+    Ok(matches.first().map_or(String::new(), |near| format!("; did you mean {near:?}?")))
 }
 
 /// Python's True and False and NumPy's.

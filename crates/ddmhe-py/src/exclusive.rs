@@ -19,9 +19,9 @@ impl<T> Exclusive<T> {
             Ok(value) => Ok(value),
             Err(TryLockError::Poisoned(error)) => Ok(error.into_inner()),
             Err(TryLockError::WouldBlock) => Err(DdmheError::new_err(format!(
-                "{noun}: expected one call at a time, found it at work in another call, of this thread or of another: \
-                 give each thread {noun} of its own, a copy.copy(…) made before the threads start (many logs on all \
-                 cores: ddmhe.run_many)"
+                "{noun}: expected one call at a time, found it at work in another call, of this \
+                 thread or of another: give each thread {noun} of its own, a copy.copy(…) made \
+                 before the threads start (many logs on all cores: ddmhe.run_many)"
             ))),
         }
     }

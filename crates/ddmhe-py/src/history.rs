@@ -31,6 +31,22 @@ pub struct History {
     pub core: ddmhe_core::History,
 }
 
+impl History {
+    /// The History behind a Python argument.
+    pub fn cast<'a>(argument: &str, value: &'a Bound<'_, PyAny>) -> PyResult<&'a Self> {
+        let wrong = |_| {
+            let found = value.get_type();
+            DdmheError::new_err(format!("{argument}: expected a History, found {found}"))
+        };
+        Ok(value.cast::<Self>().map_err(wrong)?.get())
+    }
+
+    /// (n, p)
+    pub fn sizes(&self) -> (usize, usize) {
+        (self.core.n(), self.core.p())
+    }
+}
+
 /// One recording as arrays x (T_i+1, n) and y (T_i, p).
 type Signals<'py> = (Bound<'py, PyArray2<f64>>, Bound<'py, PyArray2<f64>>);
 

@@ -2,11 +2,15 @@
 
 mod certificate;
 mod convert;
+mod estimate;
 mod exclusive;
 mod history;
 mod interval;
+mod log;
+mod many;
 mod mhe;
 mod pickle;
+mod settings;
 mod signals;
 mod spaces;
 mod validation;
@@ -24,11 +28,19 @@ mod _core {
         numbers,
     };
     #[pymodule_export]
+    use crate::estimate::Estimate;
+    #[pymodule_export]
     use crate::history::{History, RankReport, wrapped_angle};
     #[pymodule_export]
     use crate::interval::{Bounds, IntervalLog, ObserverCore, Zonotope, interval_operation};
     #[pymodule_export]
-    use crate::mhe::{DdMhe, Estimate, Log, run_many};
+    use crate::log::Log;
+    #[pymodule_export]
+    use crate::many::run_many;
+    #[pymodule_export]
+    use crate::mhe::DdMhe;
+    #[pymodule_export]
+    use crate::settings::{check_settings, setting_names};
     #[pymodule_export]
     use crate::spaces::{Exact, Ridge, Truncated};
     #[pymodule_export]

@@ -10,7 +10,7 @@ pub struct Signals(Option<PyErr>);
 impl Signals {
     /// Whether a handler raised; asked by the calling thread, without the GIL. Only Python's main
     /// thread runs handlers.
-    #[allow(clippy::redundant_closure_for_method_calls)] // the method holds for one lifetime of the GIL only
+    #[allow(clippy::redundant_closure_for_method_calls)] // the method holds for one lifetime only
     pub fn raised(&mut self) -> bool {
         self.raised_by(|py| py.check_signals())
     }

@@ -1,9 +1,9 @@
 //! `ddmhe._core.validate`: settings tried on parts of a recording, for `ddmhe.tune`.
 
-use crate::convert::{DdmheError, Numbers, number, raise, whole};
-use crate::mhe::{cast_history, rest, start, weighting};
+use crate::convert::{Numbers, raise};
+use crate::history::History;
+use crate::settings;
 use crate::signals::Signals;
-use crate::spaces;
 use ddmhe_core::Config;
 use ddmhe_core::validation::{self, Fold, Score};
 use pyo3::prelude::*;
@@ -28,8 +28,8 @@ type Pair = (Vec<f64>, f64);
 ///
 /// A fold is (history, x_prior, outputs, truth, spans, spread).
 ///
-/// Settings are keywords of DdMhe: horizon, rho, mu, weights, space, equilibrium, start. A setting
-/// that cannot be used scores inf. `progress(done)` is called now and then. What it or a signal's
+/// Settings are keywords of DdMhe; a state to start from is the fold's. Settings that cannot be used
+/// score inf. `progress(done)` is called now and then. What it or a signal's
 /// handler raises ends the work within about 50 ms; the scores found by then, None for the others,
 /// are the exception's attribute `finished`.
 #[pyfunction]
@@ -41,10 +41,13 @@ pub fn validate(
     progress: Option<Py<PyAny>>,
 ) -> PyResult<Vec<Option<Pair>>> {
     let folds: Vec<Fold> = folds.into_iter().map(fold).collect::<PyResult<_>>()?;
-    let (n, p) = folds.first().map_or((0, 0), |f| (f.history.n(), f.history.p()));
+    let sizes = folds.first().map_or((0, 0), |f| (f.history.n(), f.history.p()));
     let jobs: Vec<(usize, Config)> = jobs
         .iter()
-        .map(|(fold, given)| Ok((*fold, config(given, n, p)?)))
+        .map(|(fold, given)| {
+            settings::check_names("jobs", given)?;
+            Ok((*fold, settings::config(given, Some(sizes))?))
+        })
         .collect::<PyResult<_>>()?;
     let mut signals = Signals::default();
     let mut stop = |done: usize| {
@@ -61,34 +64,10 @@ pub fn validate(
 }
 
 fn fold((h, x, y, truth, spans, spread): Held<'_>) -> PyResult<Fold> {
-    let history = cast_history("folds", &h)?.core.clone();
+    let history = History::cast("folds", &h)?.core.clone();
     let x_prior = Numbers::vector("folds", &x, history.n())?;
     let (outputs, ..) = Numbers::measured("folds", &y)?.into_matrix("folds", "(N, p)")?;
     let (truth, ..) = Numbers::measured("folds", &truth)?.into_matrix("folds", "(N, n)")?;
     let spread = Numbers::vector("folds", &spread, history.n())?;
     Ok(Fold { history, x_prior, outputs, truth, spans, spread })
-}
-
-fn config(given: &Bound<'_, PyDict>, n: usize, p: usize) -> PyResult<Config> {
-    let mut config = Config::default();
-    for (key, value) in given {
-        if value.is_none() {
-            continue;
-        }
-        match key.extract::<String>()?.as_str() {
-            "horizon" => config.horizon = Some(whole("horizon", &value)?),
-            "rho" => config.rho = Some(number("rho", &value)?),
-            "mu" => config.mu = Some(number("mu", &value)?),
-            "equilibrium" => config.equilibrium = Some(rest(&value, n, p)?),
-            "weights" => config.weights = weighting(&value)?,
-            "start" => config.start = start(&value)?,
-            "space" => config.space = spaces::space(&value)?,
-            other => {
-                return Err(DdmheError::new_err(format!(
-                    "jobs: expected a setting of DdMhe, found {other}"
-                )));
-            }
-        }
-    }
-    Ok(config)
 }

@@ -1,0 +1,111 @@
+//! `ddmhe.Estimate`.
+
+use crate::convert::{DdmheError, array1, array2, raise};
+use crate::pickle::{Made, bytes, made};
+use ddmhe_core::snapshot::{Kind, from_bytes, to_bytes};
+use numpy::{PyArray1, PyArray2};
+use pyo3::prelude::*;
+use pyo3::sync::PyOnceLock;
+use pyo3::types::PyType;
+
+/// The estimate of one step, with its evidence. Arrays are made when they are first asked for.
+#[pyclass(module = "ddmhe", frozen, name = "Estimate")]
+pub struct Estimate {
+    core: ddmhe_core::Estimate,
+    n: usize,
+    p: usize,
+    x: PyOnceLock<Py<PyArray1<f64>>>,
+    window: PyOnceLock<Py<PyArray2<f64>>>,
+    v: PyOnceLock<Py<PyArray2<f64>>>,
+}
+
+impl Estimate {
+    pub fn new(core: &ddmhe_core::Estimate, n: usize, p: usize) -> Self {
+        let (x, window, v) = (PyOnceLock::new(), PyOnceLock::new(), PyOnceLock::new());
+        Estimate { core: core.clone(), n, p, x, window, v }
+    }
+}
+
+#[pymethods]
+impl Estimate {
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Made<'py>> {
+        made::<Self>(py, "_restore", &to_bytes(Kind::Estimate, &(self.n, self.p, &self.core)))
+    }
+
+    #[classmethod]
+    fn _restore(_cls: &Bound<'_, PyType>, blob: &Bound<'_, PyAny>) -> PyResult<Self> {
+        let (n, p, core): (usize, usize, ddmhe_core::Estimate) =
+            from_bytes(Kind::Estimate, bytes(blob)?).map_err(raise)?;
+        if n == 0 || p == 0 || !core.fits(n, p) {
+            return Err(DdmheError::new_err(
+                "blob: expected a saved estimate, found one of other sizes",
+            ));
+        }
+        Ok(Estimate::new(&core, n, p))
+    }
+
+    /// Estimated state (n,), from outputs up to y(t-1).
+    #[getter]
+    fn x(&self, py: Python<'_>) -> Py<PyArray1<f64>> {
+        self.x.get_or_init(py, || array1(py, &self.core.x).unbind()).clone_ref(py)
+    }
+
+    /// The whole estimated window (M_t+1, n), oldest first; window[-1] equals x.
+    #[getter]
+    fn window(&self, py: Python<'_>) -> PyResult<Py<PyArray2<f64>>> {
+        let made = || array2(py, self.core.window.clone(), self.n).map(Bound::unbind);
+        Ok(self.window.get_or_try_init(py, made)?.clone_ref(py))
+    }
+
+    /// Fitted noise (M_t, p); NaN where nothing was measured.
+    #[getter]
+    fn v(&self, py: Python<'_>) -> PyResult<Py<PyArray2<f64>>> {
+        let made = || array2(py, self.core.v.clone(), self.p).map(Bound::unbind);
+        Ok(self.v.get_or_try_init(py, made)?.clone_ref(py))
+    }
+
+    /// Cost (17) at the estimate.
+    #[getter]
+    fn cost(&self) -> f64 {
+        self.core.cost
+    }
+
+    /// Bound on the Euclidean norm of x's error, with a certificate and the disturbance's size
+    /// where it can be relied on; else None, and DdMhe.warnings says why.
+    #[getter]
+    fn bound(&self) -> Option<f64> {
+        self.core.bound
+    }
+
+    /// "optimal", "almost_optimal", "infeasible" or "failed"; in the last two x and window are
+    /// inside the box on the states, made without the outputs at fault or, where the box is at
+    /// fault, by moving the minimiser into it.
+    #[getter]
+    fn status(&self) -> &'static str {
+        self.core.status.as_str()
+    }
+
+    /// Number of bounds that the window touches.
+    #[getter]
+    fn active(&self) -> usize {
+        self.core.active
+    }
+
+    /// Changes of the active set since the last step (or iterations of the interior-point solver,
+    /// where that decided).
+    #[getter]
+    fn iterations(&self) -> u32 {
+        self.core.iterations
+    }
+
+    fn __repr__(&self, py: Python<'_>) -> String {
+        let (x, e) = (self.x(py), &self.core);
+        format!(
+            "Estimate(x={}, status='{}', cost={:.4e}, active={})",
+            x.bind(py),
+            e.status.as_str(),
+            e.cost,
+            e.active
+        )
+    }
+}

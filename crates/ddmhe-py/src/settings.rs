@@ -1,0 +1,213 @@
+//! Settings of an estimator: one mapping {name: value}, one table, one conversion to [`Config`].
+//!
+//! `DdMhe(history, **settings)`, `validate`, a TOML file and `tune` go through [`config`]. A new
+//! setting is a field of [`Config`], one row of [`TABLE`], and its name in `DdMhe`'s two signatures
+//! (mhe.rs, `_core.pyi`); a test holds the three together.
+
+use crate::certificate;
+use crate::convert::{
+    DdmheError, Numbers, flag, nearest, number, pair, raise, shown, side, text, whole,
+};
+use crate::history::History;
+use crate::spaces;
+use ddmhe_core::{Bounds, Center, Config, Start, Weighting};
+use pyo3::exceptions::PyTypeError;
+use pyo3::prelude::*;
+use pyo3::types::{PyDict, PyDictMethods, PyTuple};
+
+/// What makes a value part of a `Config`.
+type Read = fn(&mut Config, &Given<'_, '_>) -> PyResult<()>;
+
+/// Every setting by its name, in the order of `DdMhe`'s arguments, in which they are read.
+const TABLE: [(&str, Read); 14] = [
+    ("horizon", |c, v| put(&mut c.horizon, whole(v.name, v.value))),
+    ("rho", |c, v| put(&mut c.rho, number(v.name, v.value))),
+    ("mu", |c, v| put(&mut c.mu, number(v.name, v.value))),
+    ("x_prior", |c, v| put(&mut c.x_prior, v.vector(v.value, v.n()))),
+    ("x_bounds", |c, v| put(&mut c.x_bounds, v.bounds(v.n()))),
+    ("x_center", |c, v| set(&mut c.x_center, v.choice(&[("history", Center::History)]))),
+    ("v_bounds", |c, v| put(&mut c.v_bounds, v.bounds(v.p()))),
+    ("equilibrium", |c, v| put(&mut c.equilibrium, v.rest())),
+    ("warm_start", warm_start),
+    ("space", |c, v| set(&mut c.space, spaces::space(v.value))),
+    ("certificate", |c, v| put(&mut c.certificate, certificate::certificate(v.value, v.sizes))),
+    ("disturbance", |c, v| put(&mut c.disturbance, certificate::disturbance(v.value))),
+    ("weights", |c, v| set(&mut c.weights, v.choice(&WEIGHTS))),
+    ("start", |c, v| set(&mut c.start, v.choice(&STARTS))),
+];
+
+/// Settings that may be given by their place; those behind them need their names.
+const POSITIONAL: usize = 12;
+
+/// What `weights` may say.
+pub const WEIGHTS: [(&str, Weighting); 3] =
+    [("auto", Weighting::Auto), ("paper", Weighting::Paper), ("scaled", Weighting::Scaled)];
+
+const STARTS: [(&str, Start); 3] =
+    [("recording", Start::Recording), ("state", Start::State), ("unknown", Start::Unknown)];
+
+fn set<T>(place: &mut T, value: PyResult<T>) -> PyResult<()> {
+    *place = value?;
+    Ok(())
+}
+
+fn put<T>(place: &mut Option<T>, value: PyResult<T>) -> PyResult<()> {
+    set(place, value.map(Some))
+}
+
+/// The old name of two starts. A prior, which is read before, is the state that a run starts from.
+fn warm_start(config: &mut Config, given: &Given<'_, '_>) -> PyResult<()> {
+    if flag(given.name, given.value)? && config.x_prior.is_none() {
+        config.start = Start::Recording;
+    }
+    Ok(())
+}
+
+/// A setting's value, to be converted.
+struct Given<'a, 'py> {
+    name: &'static str,
+    value: &'a Bound<'py, PyAny>,
+    /// (n, p); None where no recording is known yet: any sizes do.
+    sizes: Option<(usize, usize)>,
+}
+
+impl<'py> Given<'_, 'py> {
+    fn n(&self) -> Option<usize> {
+        self.sizes.map(|(n, _)| n)
+    }
+
+    fn p(&self) -> Option<usize> {
+        self.sizes.map(|(_, p)| p)
+    }
+
+    /// A vector of `len` numbers, or of any.
+    fn vector(&self, value: &Bound<'py, PyAny>, len: Option<usize>) -> PyResult<Vec<f64>> {
+        let numbers = Numbers::from(self.name, value)?;
+        let own = numbers.shape.first().copied().unwrap_or(1);
+        numbers.into_vector(self.name, len.unwrap_or(own))
+    }
+
+    /// (lo, hi), each a scalar or as `vector`.
+    fn bounds(&self, len: Option<usize>) -> PyResult<Bounds> {
+        let [lo, hi] = &pair(self.name, "a pair (lo, hi)", self.value)?;
+        let side = |value| {
+            let numbers = Numbers::from(self.name, value)?;
+            let own = numbers.shape.first().copied().unwrap_or(1);
+            side(self.name, numbers, len.unwrap_or(own), None)
+        };
+        Ok(Bounds { lo: side(lo)?, hi: side(hi)? })
+    }
+
+    fn rest(&self) -> PyResult<(Vec<f64>, Vec<f64>)> {
+        let [x, y] = &pair(self.name, "a pair (x_e, y_e)", self.value)?;
+        Ok((self.vector(x, self.n())?, self.vector(y, self.p())?))
+    }
+
+    /// What one of the known texts stands for.
+    fn choice<T: Copy>(&self, known: &[(&str, T)]) -> PyResult<T> {
+        let found: Option<String> = self.value.extract().ok();
+        let chosen = known.iter().find(|(name, _)| Some(*name) == found.as_deref());
+        chosen.map(|(_, meaning)| *meaning).ok_or_else(|| {
+            let names: Vec<String> = known.iter().map(|(name, _)| format!("{name:?}")).collect();
+            let (argument, found) = (self.name, shown(self.value));
+            DdmheError::new_err(format!("{argument}: expected {}, found {found}", either(&names)))
+        })
+    }
+}
+
+/// a, b or c
+fn either(names: &[String]) -> String {
+    match names {
+        [most @ .., last] if !most.is_empty() => format!("{} or {last}", most.join(", ")),
+        _ => names.concat(),
+    }
+}
+
+/// A start by its name.
+pub fn start(value: &Bound<'_, PyAny>) -> PyResult<Start> {
+    Given { name: "start", value, sizes: None }.choice(&STARTS)
+}
+
+/// Settings by their names, with those that a call gave by their place, as Python binds them.
+pub fn bound<'py>(
+    call: &str,
+    places: &Bound<'py, PyTuple>,
+    names: Option<&Bound<'py, PyDict>>,
+) -> PyResult<Bound<'py, PyDict>> {
+    let settings = names.map_or_else(|| Ok(PyDict::new(places.py())), PyDictMethods::copy)?;
+    if let Some(unknown) = unknown(&settings)? {
+        return Err(PyTypeError::new_err(format!("{call}: {unknown}")));
+    }
+    if places.len() > POSITIONAL {
+        let found = places.len();
+        return Err(PyTypeError::new_err(format!(
+            "{call}: expected at most {POSITIONAL} settings without a name, found {found}"
+        )));
+    }
+    for ((name, _), value) in TABLE.iter().zip(places) {
+        if settings.contains(name)? {
+            return Err(PyTypeError::new_err(format!("{call}: expected one {name}, found two")));
+        }
+        settings.set_item(name, value)?;
+    }
+    Ok(settings)
+}
+
+/// The `Config` of a mapping {name: value} whose names are [known](check_names); None as a value
+/// says "not given". `sizes` are (n, p); None where no recording is known yet: any sizes do.
+pub fn config(settings: &Bound<'_, PyDict>, sizes: Option<(usize, usize)>) -> PyResult<Config> {
+    let given = |name: &str| Ok::<_, PyErr>(settings.get_item(name)?.filter(|v| !v.is_none()));
+    if given("start")?.is_some() && given("warm_start")?.is_some() {
+        return Err(DdmheError::new_err(
+            "warm_start: expected none beside start, of which it is the old name, found both",
+        ));
+    }
+    let mut config = Config::default();
+    for (name, read) in TABLE {
+        if let Some(value) = given(name)? {
+            read(&mut config, &Given { name, value: &value, sizes })?;
+        }
+    }
+    Ok(config)
+}
+
+/// An error for the first name that is no setting.
+pub fn check_names(argument: &str, settings: &Bound<'_, PyDict>) -> PyResult<()> {
+    match unknown(settings)? {
+        Some(unknown) => Err(DdmheError::new_err(format!("{argument}: {unknown}"))),
+        None => Ok(()),
+    }
+}
+
+/// What is wrong with the first name that is no setting.
+fn unknown(settings: &Bound<'_, PyDict>) -> PyResult<Option<String>> {
+    for key in settings.keys() {
+        let name = text("settings", &key)?;
+        if !TABLE.iter().any(|(known, _)| *known == name) {
+            let near = nearest(settings.py(), &name, TABLE.map(|(known, _)| known).as_slice())?;
+            return Ok(Some(format!("expected a setting of DdMhe, found {name:?}{near}")));
+        }
+    }
+    Ok(None)
+}
+
+/// Names of DdMhe's settings, in the order of its arguments.
+#[pyfunction]
+pub fn setting_names() -> Vec<&'static str> {
+    TABLE.iter().map(|(name, _)| *name).collect()
+}
+
+/// Settings of DdMhe, checked as it checks them: alone, or for a recording.
+///
+/// Raises what DdMhe raises; without a recording, vectors and matrices may have any size.
+#[pyfunction]
+#[pyo3(signature = (settings, history=None))]
+pub fn check_settings(
+    settings: &Bound<'_, PyDict>,
+    history: Option<&Bound<'_, PyAny>>,
+) -> PyResult<()> {
+    check_names("settings", settings)?;
+    let Some(history) = history else { return config(settings, None).map(drop) };
+    let history = History::cast("history", history)?;
+    config(settings, Some(history.sizes()))?.check(&history.core).map_err(raise)
+}
