@@ -100,6 +100,8 @@ class Ridge:
 def minimum_horizon(rho: float) -> int: ...
 def wrapped_angle(values: ArrayLike) -> tuple[float, int] | None: ...
 def numbers(argument: str, value: object, missing: bool = False) -> _Floats: ...
+def setting_names() -> list[str]: ...
+def check_settings(settings: dict[str, Any], history: History | None = None) -> None: ...
 def validate(
     folds: Sequence[tuple[History, ArrayLike, ArrayLike, ArrayLike, Sequence[int], ArrayLike]],
     jobs: Sequence[tuple[int, dict[str, Any]]],
@@ -122,7 +124,7 @@ class DdMhe:
         warm_start: bool | None = None,
         space: Literal["auto"] | Exact | Truncated | Ridge = "auto",
         certificate: _Certificate | None = None,
-        disturbance: tuple[float, float, float] | None = None,
+        disturbance: tuple[float, float, float] | Sequence[float] | None = None,
         *,
         weights: Literal["auto", "paper", "scaled"] = "auto",
         start: _Start | None = None,

@@ -1,5 +1,5 @@
 """Settings of an estimator from a TOML file: the keys are the keywords of `DdMhe`, the values
-TOML's own.
+TOML's own. Which keys and values there are, the compiled core knows (`check_settings`).
 
 ```toml
 horizon = 20
@@ -7,7 +7,8 @@ rho = 0.9
 x_bounds = [-1.0, 1.0]           # or [[-1.0, -2.0], [1.0, 2.0]], one number per state
 equilibrium = [[0.0], [0.0]]     # x_e, y_e
 missing = [-9999, 999]           # for the command line: numbers of a log that say "not measured"
-space = { kind = "truncated", rank = 5 }   # or "auto", "exact", { kind = "ridge", weight = 1e-2, normalised = true }
+space = { kind = "truncated", rank = 5 }   # or "auto", "exact", or a ridge:
+# space = { kind = "ridge", weight = 1e-2, normalised = true }
 
 [certificate]                    # as `ddmhe design` writes it, in the place of rho and mu
 eta = 0.95
@@ -19,17 +20,18 @@ R = [[0.5]]
 
 from __future__ import annotations
 
-import math
+import inspect
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Iterable, Mapping
+from difflib import get_close_matches
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import tomli_w
 
-from ddmhe._core import DdmheError, Exact, Ridge, Truncated
-from ddmhe.checks import check_kind, check_path, shown
+from ddmhe._core import DdmheError, Exact, Ridge, Truncated, check_settings, setting_names
+from ddmhe.checks import check_kind, check_number, check_path, shown
 from ddmhe.files import write_text
 
 if TYPE_CHECKING:
@@ -47,6 +49,19 @@ __all__ = ["READING", "ConfigError", "Space", "read_config", "space_from_text", 
 
 READING = ("missing",)
 """Keys that say how to read a log: arguments of `read_log`, not of `DdMhe`."""
+SPACES: dict[str, type[Exact] | type[Truncated] | type[Ridge]] = {
+    "exact": Exact,
+    "truncated": Truncated,
+    "ridge": Ridge,
+}
+"""Kinds of a space; the other keys of its table are the arguments of the class."""
+CERTIFICATE = (
+    *("eta", "growth", "residual"),
+    *("P", "Q", "R", "A", "C", "e", "r"),
+    *("identified", "uncertainty"),
+)
+"""Attributes of a certificate that a file holds, in its order."""
+UNCERTAINTY = ("metric", "w", "v")
 
 
 class ConfigError(DdmheError):
@@ -59,9 +74,24 @@ def read_config(path: str | Path) -> dict[str, Any]:
     ConfigError in one sentence naming the file and the key.
     """
     check_path("path", path)
+    table = _table(path)
+    known = (*setting_names(), *READING)
+    for key in table:
+        if key not in known:
+            raise ConfigError(
+                f"{path}: expected one of the keys {', '.join(known)}, "
+                f"found {key!r}{_nearest(key, known)}"
+            )
+    try:
+        return {key: _setting(key, value) for key, value in table.items()}
+    except DdmheError as e:
+        raise ConfigError(f"{path}, {e}") from e
+
+
+def _table(path: str | Path) -> dict[str, Any]:
     try:
         with open(path, "rb") as f:
-            table = tomllib.load(f)
+            return tomllib.load(f)
     except FileNotFoundError:
         raise ConfigError(f"{path}: expected a configuration file, found no such file") from None
     except OSError as e:
@@ -72,7 +102,84 @@ def read_config(path: str | Path) -> dict[str, Any]:
         raise ConfigError(
             f"{path}: expected a TOML file, found an error in it ({' '.join(str(e).split())})"
         ) from e
-    return {key: _setting(str(path), key, value) for key, value in table.items()}
+
+
+def _nearest(name: str, known: Iterable[str]) -> str:
+    near = get_close_matches(name, list(known), 1)
+    return f"; did you mean {near[0]!r}?" if near else ""
+
+
+def _setting(key: str, value: Any) -> Any:
+    """A setting from TOML's values, as DdMhe takes it."""
+    if key in READING:
+        for number in check_kind(key, value, list, "a list of finite numbers"):
+            check_number(key, number, "a list of finite numbers", lambda _: True)
+        return value
+    if key == "space":
+        value = _space(value)
+    elif key == "certificate":
+        value = _certificate(value)
+    check_settings({key: value})
+    return value
+
+
+def _space(value: Any) -> Space:
+    if isinstance(value, str):
+        return space_from_text(value)
+    if not isinstance(value, dict):
+        raise ConfigError(f"space: expected a text or a table, found {value!r}")
+    kind, arguments = value.get("kind"), {k: v for k, v in value.items() if k != "kind"}
+    if not isinstance(kind, str) or kind not in SPACES:
+        raise ConfigError(f"space: expected kind {', '.join(map(repr, SPACES))}, found {kind!r}")
+    known = inspect.signature(SPACES[kind]).parameters
+    for name in arguments:
+        if name not in known:
+            raise ConfigError(
+                f"space: expected {' or '.join(known) or 'no argument'} for {kind}, found {name!r}"
+            )
+    for name, parameter in known.items():
+        if parameter.default is parameter.empty and name not in arguments:
+            raise ConfigError(f"space: expected a {name} for {kind}, found none")
+    try:
+        return SPACES[kind](**arguments)
+    except DdmheError as e:
+        raise ConfigError(f"space, {e}") from e
+
+
+def _certificate(table: Any) -> Certificate:
+    """A certificate as `write_config` wrote it; without a residual it was never verified."""
+    from ddmhe.design.certificate import Certificate, Uncertainty
+
+    if not isinstance(table, dict):
+        raise ConfigError(f"certificate: expected a table, found {table!r}")
+    for name in table:
+        if name not in CERTIFICATE:
+            raise ConfigError(
+                f"certificate: expected one of {', '.join(sorted(CERTIFICATE))}, "
+                f"found {name!r}{_nearest(name, CERTIFICATE)}"
+            )
+    missing = [name for name in ("eta", "P", "Q", "R") if name not in table]
+    if missing:
+        raise ConfigError(f"certificate: expected eta, P, Q and R, found no {missing[0]}")
+    parts = {name: _array(value) for name, value in table.items()}
+    spread = table.get("uncertainty")
+    if spread is not None:
+        if not isinstance(spread, dict) or set(spread) != set(UNCERTAINTY):
+            raise ConfigError(
+                f"certificate: expected {', '.join(UNCERTAINTY)} for uncertainty, "
+                f"found {shown(spread)}"
+            )
+        parts["uncertainty"] = Uncertainty(**{k: _array(v) for k, v in spread.items()})
+    return Certificate(**{"residual": float("inf")} | parts)
+
+
+def _array(value: Any) -> Any:
+    if not isinstance(value, list):
+        return value
+    try:
+        return np.array(value, dtype=np.float64)
+    except (ValueError, TypeError, OverflowError) as e:
+        raise ConfigError(f"certificate: expected rectangular matrices, found others ({e})") from e
 
 
 def write_config(path: str | Path, settings: Mapping[str, Any]) -> None:
@@ -91,25 +198,26 @@ def write_config(path: str | Path, settings: Mapping[str, Any]) -> None:
 
 def _plain(value: Any) -> Any:
     """A setting in TOML's own values."""
-    if isinstance(value, Exact):
-        return "exact"
-    if isinstance(value, Ridge):
-        return {"kind": "ridge", "weight": value.weight, "normalised": value.normalised}
-    if isinstance(value, Truncated):
-        known = {"rank": value.rank, "tol": value.tol}
-        return {"kind": "truncated"} | {k: v for k, v in known.items() if v is not None}
+    for kind, space in SPACES.items():
+        if isinstance(value, space):
+            parts = _parts(value, inspect.signature(space).parameters)
+            return kind if space is Exact else {"kind": kind, **parts}
     if hasattr(value, "eta"):
-        parts = {name: getattr(value, name) for name in ("eta", "growth", "residual", *_MATRICES)}
-        table = {k: _plain(v) for k, v in parts.items() if v is not None}
-        if value.identified:
-            table["identified"] = True
-        if value.uncertainty is not None:
-            u = value.uncertainty
-            table["uncertainty"] = {"metric": _plain(u.metric), "w": u.w, "v": u.v}
+        table = _parts(value, CERTIFICATE)
+        if not table["identified"]:
+            del table["identified"]
+        if "uncertainty" in table:
+            table["uncertainty"] = _parts(table["uncertainty"], UNCERTAINTY)
         return table
     if isinstance(value, list | tuple):
         return [_plain(v) for v in value]
     return value.tolist() if isinstance(value, np.ndarray | np.generic) else value
+
+
+def _parts(value: Any, names: Iterable[str]) -> dict[str, Any]:
+    """Attributes in TOML's own values, which have no None."""
+    parts = {name: getattr(value, name) for name in names}
+    return {name: _plain(part) for name, part in parts.items() if part is not None}
 
 
 def space_from_text(text: str) -> Space:
@@ -128,134 +236,4 @@ def space_from_text(text: str) -> Space:
         pass
     raise ConfigError(
         f"space: expected auto, exact, truncated:RANK or ridge:WEIGHT, found {text!r}"
-    )
-
-
-def _is_whole(value: object) -> bool:
-    """An integer of TOML's 64 bits."""
-    return isinstance(value, int) and not isinstance(value, bool) and -(2**63) <= value < 2**63
-
-
-def _is_number(value: object) -> bool:
-    return isinstance(value, float) or _is_whole(value)
-
-
-def _is_numbers(value: object) -> bool:
-    """A list of numbers or of lists of numbers."""
-    return isinstance(value, list) and all(_is_number(v) or _is_numbers(v) for v in value)
-
-
-_EXPECTED: dict[str, tuple[str, Callable[[object], bool]]] = {
-    "horizon": ("a whole number", _is_whole),
-    "rho": ("a number", _is_number),
-    "mu": ("a number", _is_number),
-    "weights": ('"auto", "paper" or "scaled"', lambda v: isinstance(v, str)),
-    "x_prior": ("a list of numbers", _is_numbers),
-    "x_bounds": ("a list [lo, hi]", _is_numbers),
-    "x_center": ('"history"', lambda v: isinstance(v, str)),
-    "v_bounds": ("a list [lo, hi]", _is_numbers),
-    "equilibrium": ("a list [x_e, y_e]", _is_numbers),
-    "warm_start": ("true or false", lambda v: isinstance(v, bool)),
-    "start": (
-        '"recording", "state" or "unknown"',
-        lambda v: v in ("recording", "state", "unknown"),
-    ),
-    "space": ("a text or a table", lambda v: isinstance(v, str | dict)),
-    "certificate": ("a table", lambda v: isinstance(v, dict)),
-    "disturbance": ("a list [initial, w, v]", _is_numbers),
-    "missing": (
-        "a list of finite numbers",
-        lambda v: (
-            isinstance(v, list) and all(_is_number(x) and math.isfinite(cast(float, x)) for x in v)
-        ),
-    ),
-}
-_SPACES: dict[str, tuple[type[Truncated] | type[Ridge] | type[Exact], tuple[str, ...]]] = {
-    "exact": (Exact, ()),
-    "truncated": (Truncated, ("rank", "tol")),
-    "ridge": (Ridge, ("weight", "normalised")),
-}
-_ARGUMENTS: dict[str, tuple[str, Callable[[object], bool]]] = {
-    "rank": ("a whole number", lambda v: _is_whole(v) and cast(int, v) >= 0),
-    "tol": ("a number", _is_number),
-    "weight": ("a number", _is_number),
-    "normalised": ("true or false", lambda v: isinstance(v, bool)),
-}
-_MATRICES = ("P", "Q", "R", "A", "C", "e", "r")
-
-
-def _setting(path: str, key: str, value: Any) -> Any:
-    if key not in _EXPECTED:
-        raise ConfigError(f"{path}: expected one of the keys {', '.join(_EXPECTED)}, found {key!r}")
-    expected, fits = _EXPECTED[key]
-    if not fits(value):
-        raise ConfigError(f"{path}, {key}: expected {expected}, found {value!r}")
-    if key == "certificate":
-        return _certificate(path, value)
-    if key != "space":
-        return tuple(value) if key == "disturbance" else value
-    try:
-        return space_from_text(value) if isinstance(value, str) else _space_from_table(value)
-    except ConfigError as e:
-        raise ConfigError(f"{path}, {e}") from e
-
-
-def _space_from_table(table: dict[str, Any]) -> Space:
-    kind, arguments = table.get("kind"), {k: v for k, v in table.items() if k != "kind"}
-    if kind not in _SPACES:
-        raise ConfigError(f"space: expected kind {', '.join(map(repr, _SPACES))}, found {kind!r}")
-    space, known = _SPACES[kind]
-    for name, value in arguments.items():
-        if name not in known:
-            raise ConfigError(
-                f"space: expected {' or '.join(known) or 'no argument'} for {kind}, found {name!r}"
-            )
-        wanted, fits = _ARGUMENTS[name]
-        if not fits(value):
-            raise ConfigError(f"space: expected {wanted} for {name}, found {value!r}")
-    if kind == "ridge" and "weight" not in arguments:
-        raise ConfigError("space: expected a weight for ridge, found none")
-    return space(**arguments)
-
-
-def _certificate(path: str, table: dict[str, Any]) -> Certificate:
-    """A certificate as `write_config` wrote it; DdMhe checks its matrices."""
-    from ddmhe.design.certificate import Certificate, Uncertainty
-
-    known = {"eta", "growth", "residual", "uncertainty", "identified", *_MATRICES}
-    for name, value in table.items():
-        if name not in known:
-            raise ConfigError(
-                f"{path}, certificate: expected one of {', '.join(sorted(known))}, found {name!r}"
-            )
-        fits = (
-            isinstance(value, dict)
-            if name == "uncertainty"
-            else (_is_number(value) or _is_numbers(value))
-        )
-        fits = isinstance(value, bool) if name == "identified" else fits
-        if not fits:
-            wanted = "true or false" if name == "identified" else "numbers"
-            raise ConfigError(f"{path}, certificate: expected {wanted} for {name}, found {value!r}")
-    missing = [name for name in ("eta", "P", "Q", "R") if name not in table]
-    if missing:
-        raise ConfigError(f"{path}, certificate: expected eta, P, Q and R, found no {missing[0]}")
-    try:
-        arrays: dict[str, Any] = {
-            name: np.array(table[name], dtype=np.float64) for name in _MATRICES if name in table
-        }
-        spread = table.get("uncertainty")
-        uncertainty = spread and Uncertainty(
-            np.array(spread["metric"], dtype=np.float64), spread["w"], spread["v"]
-        )
-    except (ValueError, KeyError, TypeError) as e:
-        raise ConfigError(
-            f"{path}, certificate: expected rectangular matrices, found others ({e})"
-        ) from e
-    numbers: dict[str, Any] = {
-        name: table[name] for name in ("eta", "growth", "identified") if name in table
-    }
-    # inf: never verified
-    return Certificate(
-        **arrays, **numbers, uncertainty=uncertainty, residual=table.get("residual", float("inf"))
     )

@@ -57,7 +57,10 @@ def test_a_certificate_survives_its_file(tmp_path):
         ("certificate = 3", "certificate: expected a table"),
         ("[certificate]\neta = 0.9", "certificate: expected eta, P, Q and R, found no P"),
         ("[certificate]\ncolour = 1", "certificate: expected one of"),
-        ("[certificate]\neta = 'x'", "certificate: expected numbers for eta"),
+        (
+            "[certificate]\neta = 'x'\nP = [[1]]\nQ = [[1]]\nR = [[1]]",
+            "certificate: expected a number for eta",
+        ),
         (
             "[certificate]\neta=0.9\nP=[[1.0],[2.0,3.0]]\nQ=[[1.0]]\nR=[[1.0]]",
             "expected rectangular matrices",
@@ -68,7 +71,7 @@ def test_a_certificate_survives_its_file(tmp_path):
         ),
         (
             "space = {kind = 'ridge', weight = 1.0, normalised = 1}",
-            "expected true or false for normalised",
+            "space, normalised: expected True or False, found 1",
         ),
     ],
 )

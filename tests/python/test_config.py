@@ -59,11 +59,11 @@ def test_space_from_wrong_text(text):
     ("text", "expected"),
     [
         ("horizn = 3", "expected one of the keys horizon, rho, mu, .* found 'horizn'"),
-        ("horizon = true", "horizon: expected a whole number, found True"),
+        ("horizon = true", "horizon: expected a whole number of at least 1, found True"),
         ("horizon = 1e99", "horizon: expected a whole number"),
-        ("rho = '0.9'", "rho: expected a number, found '0.9'"),
-        ("warm_start = 1", "warm_start: expected true or false, found 1"),
-        ("x_bounds = ['a', 'b']", "x_bounds: expected a list"),
+        ("rho = '0.9'", "rho: expected a real number, found '0.9'"),
+        ("warm_start = 1", "warm_start: expected True or False, found 1"),
+        ("x_bounds = ['a', 'b']", "x_bounds: expected an array of real numbers, found str"),
         ("space = 'ridge'", "space: expected auto, exact"),
         (
             "space = { kind = 'best' }",
@@ -72,7 +72,7 @@ def test_space_from_wrong_text(text):
         ("space = { kind = 'ridge' }", "space: expected a weight for ridge"),
         (
             "space = { kind = 'truncated', rank = 1.5 }",
-            "space: expected a whole number for rank, found 1.5",
+            "space, rank: expected a whole number of at least 1, found 1.5",
         ),
         (
             "space = { kind = 'exact', rank = 1 }",

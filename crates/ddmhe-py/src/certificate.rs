@@ -8,7 +8,7 @@ use pyo3::types::PyDict;
 
 const ARGUMENT: &str = "certificate";
 
-/// Attributes of a certificate; the estimator takes no notice of the last four.
+/// Attributes of a certificate; the estimator takes no notice of the last three.
 const FIELDS: [&str; 14] = [
     "P",
     "Q",
@@ -36,6 +36,7 @@ pub fn certificate(
     let [P, Q, R, eta] = ["P", "Q", "R", "eta"].map(|name| own.required(name));
     let (P, Q, R, eta) = (P?, Q?, R?, eta?);
     own.check_names()?;
+    own.get("residual").map(|v| scalar("residual", &v)).transpose()?;
     let (n, p) = match sizes {
         Some(sizes) => sizes,
         None => (rows(&P)?, rows(&R)?),
@@ -65,7 +66,7 @@ fn model(own: &Attributes<'_, '_>, n: usize, p: usize) -> PyResult<Option<Model>
         e: e.unwrap_or_default(),
         C: matrix(&C, p, n)?,
         r: r.unwrap_or_default(),
-        identified: own.get("identified").is_some_and(|v| v.is_truthy().unwrap_or(true)),
+        identified: own.get("identified").map_or(Ok(false), |v| truth("identified", &v))?,
         uncertainty: own.get("uncertainty").map(|u| uncertainty(&u, n)).transpose()?,
     }))
 }
@@ -116,6 +117,10 @@ fn scalar(name: &str, value: &Bound<'_, PyAny>) -> PyResult<f64> {
     value.extract().map_err(|_| wrong(&format!("a number for {name}, found {}", shown(value))))
 }
 
+fn truth(name: &str, value: &Bound<'_, PyAny>) -> PyResult<bool> {
+    value.extract().map_err(|_| wrong(&format!("True or False for {name}, found {}", shown(value))))
+}
+
 fn rows(value: &Bound<'_, PyAny>) -> PyResult<usize> {
     Ok(Numbers::matrix(ARGUMENT, value, "(n, n)")?.1)
 }
@@ -139,7 +144,7 @@ pub fn minimum_horizon(rho: &Bound<'_, PyAny>) -> PyResult<usize> {
 
 /// (initial, w, v).
 pub fn disturbance(value: &Bound<'_, PyAny>) -> PyResult<Disturbance> {
-    let (initial, w, v) = value.extract::<(f64, f64, f64)>().map_err(|_| {
+    let [initial, w, v] = value.extract().map_err(|_| {
         ShapeError::new_err(format!(
             "disturbance: expected three numbers (initial, w, v), found {}",
             shown(value)

@@ -76,7 +76,8 @@ impl Numbers {
             _ => format!(" at entry {entry} in C order"),
         };
         Err(NotFiniteError::new_err(format!(
-            "{argument}: expected finite numbers, found one that is missing (masked, None or NA){place}"
+            "{argument}: expected finite numbers, found one that is missing (masked, None or \
+             NA){place}"
         )))
     }
 
@@ -324,7 +325,8 @@ pub fn writable<'py, D: Dimension>(
 ) -> PyResult<PyReadwriteArray<'py, f64, D>> {
     let wrong = |found: String| {
         ShapeError::new_err(format!(
-            "{argument}: expected a writable float64 array of shape {shape:?} in C order, found {found}"
+            "{argument}: expected a writable float64 array of shape {shape:?} in C order, \
+             found {found}"
         ))
     };
     let kind = || {

@@ -109,7 +109,8 @@ impl<'py> Given<'_, 'py> {
         let chosen = known.iter().find(|(name, _)| Some(*name) == found.as_deref());
         chosen.map(|(_, meaning)| *meaning).ok_or_else(|| {
             let names: Vec<String> = known.iter().map(|(name, _)| format!("{name:?}")).collect();
-            let (argument, found) = (self.name, shown(self.value));
+            let found = found.map_or_else(|| shown(self.value), |text| format!("{text:?}"));
+            let argument = self.name;
             DdmheError::new_err(format!("{argument}: expected {}, found {found}", either(&names)))
         })
     }

@@ -28,8 +28,8 @@ type Pair = (Vec<f64>, f64);
 ///
 /// A fold is (history, x_prior, outputs, truth, spans, spread).
 ///
-/// Settings are keywords of DdMhe; a state to start from is the fold's. Settings that cannot be used
-/// score inf. `progress(done)` is called now and then. What it or a signal's
+/// Settings are keywords of DdMhe; a state to start from is the fold's. Settings that cannot be
+/// used score inf. `progress(done)` is called now and then. What it or a signal's
 /// handler raises ends the work within about 50 ms; the scores found by then, None for the others,
 /// are the exception's attribute `finished`.
 #[pyfunction]

@@ -2,29 +2,16 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ddmhe._core import DdmheError, History, ShapeError, numbers
-from ddmhe.checks import check_finite, shown
+from ddmhe.checks import shown
 from ddmhe.design.model import noise_levels
 
 Array = NDArray[np.float64]
 
-__all__ = ["check_rest", "extra_noise"]
-
-
-def check_rest(history: History, equilibrium: Any) -> None:
-    """DdmheError naming the argument unless it is a pair of a state (n,) and an output (p,)."""
-    if not isinstance(equilibrium, tuple | list) or len(equilibrium) != 2:
-        raise ShapeError(f"equilibrium: expected a pair (x_e, y_e), found {shown(equilibrium)}")
-    for value, width in zip(equilibrium, (history.n, history.p), strict=True):
-        rest = np.atleast_1d(numbers("equilibrium", value))
-        check_finite("equilibrium", rest)
-        if rest.shape != (width,):
-            raise ShapeError(f"equilibrium: expected {width} numbers, found shape {rest.shape}")
+__all__ = ["extra_noise"]
 
 
 def extra_noise(history: History, output_noise: ArrayLike | None) -> Array:

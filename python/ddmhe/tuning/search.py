@@ -14,9 +14,9 @@ from rich.console import Console
 from rich.progress import Progress
 from threadpoolctl import threadpool_limits
 
-from ddmhe._core import History, RankError, validate
+from ddmhe._core import History, RankError, check_settings, validate
 from ddmhe.checks import check_flag, check_history
-from ddmhe.tuning.arguments import check_rest, extra_noise
+from ddmhe.tuning.arguments import extra_noise
 from ddmhe.tuning.candidates import HIDDEN, Candidate, candidates_for
 from ddmhe.tuning.folds import Fold, Recorded, ends_of, quarters, whole
 from ddmhe.tuning.rehearsals import DRAWS, rehearsals_of
@@ -68,8 +68,7 @@ def tune(
     if progress is not None and not callable(progress):
         check_flag("progress", progress)
     extra = extra_noise(history, output_noise)
-    if equilibrium is not None:
-        check_rest(history, equilibrium)
+    check_settings({"equilibrium": equilibrium}, history)
     longest = int(np.argmax([len(y) for _, y in history.recordings]))
     T = len(history.recordings[longest][1])
     if T < SHORTEST:
