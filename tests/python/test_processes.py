@@ -157,7 +157,8 @@ STOPPED = {
     "IntervalObserver.run": """
     from ddmhe import interval
     s = interval.pendulum()
-    o = interval.IntervalObserver(s, interval.fixed_gain(s, [[0.3], [0.3]]), [0, 0], 0.1, 1e-3, 1e-2)
+    gain = interval.fixed_gain(s, [[0.3], [0.3]])
+    o = interval.IntervalObserver(s, gain, [0, 0], 0.1, 1e-3, 1e-2)
     Y = np.full((5_000_000, 1), np.nan)
     ready()
     try:
@@ -290,6 +291,38 @@ def test_a_killed_worker_is_one_clear_error():
     assert "\n" not in str(caught.value)
 
 
+@pytest.mark.parametrize("when", ["before", "after"])
+def test_a_worker_killed_while_the_next_one_starts_is_that_error_too(when):
+    """The pool breaks before the next worker has its pipe, or before the pool knows of the worker:
+    what was left of either was an OSError, or a process that nobody ended."""
+    program = f"""
+    import multiprocessing
+    from ddmhe.reproduce import montecarlo
+    Process = montecarlo._context().Process
+    launch, started = Process._Popen, []
+    def kill_the_first():
+        os.kill(started[0].pid, signal.SIGKILL)
+        time.sleep(1)
+    def second_while_the_first_is_killed(process):
+        if started and {when == "before"}:
+            kill_the_first()
+        started.append(launch(process))
+        if len(started) == 2 and {when == "after"}:
+            kill_the_first()
+        return started[-1]
+    Process._Popen = staticmethod(second_while_the_first_is_killed)
+    os.cpu_count = lambda: 2
+    try:
+        montecarlo.in_parallel(abs, range(9), lambda: None)
+    except ddmhe.DdmheError as e:
+        for child in multiprocessing.active_children():
+            child.join(30)
+        print("killed" in str(e), len(multiprocessing.active_children()))
+    """
+    _, code, out, err = run(program)
+    assert (code, out, err) == (0, "True 0\n", "")
+
+
 def test_an_interrupt_ends_the_workers_at_once():
     ticks = []
 
@@ -366,8 +399,9 @@ def test_estimate_writes_the_samples_that_were_estimated(tmp_path):
         ready()
         return est
     estimate.DdMhe = told
-    sys.argv = ["ddmhe", "estimate", {str(log)!r}, "--state", "x", "--output", "y", "--history", "20",
-                "--horizon", "90", "--space", "ridge:1e-3", "--out", {str(out)!r}]
+    sys.argv = ["ddmhe", "estimate", {str(log)!r}, "--state", "x", "--output", "y"]
+    sys.argv += ["--history", "20", "--horizon", "90", "--space", "ridge:1e-3"]
+    sys.argv += ["--out", {str(out)!r}]
     main()
     """
     _, code, printed, err = run(program, stop_after=0.1, limit=200)

@@ -6,7 +6,7 @@ import multiprocessing
 import os
 import signal
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures import Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
 from typing import Any, TypeVar
@@ -180,24 +180,47 @@ def in_parallel(
     pool = ProcessPoolExecutor(workers, _context(), initializer=_start_worker)
     found = []
     try:
-        for future in [pool.submit(function, job, **given) for job in jobs]:
+        for future in _submitted(pool, function, jobs, given):
             found.append(future.result())
             advance()
     except BrokenProcessPool as e:
+        # one that was being started while the pool broke is in no list of the pool's
+        _terminate(others)
         raise DdmheError(
-            f"workers: expected {workers} processes that finish their jobs, found one that was killed after "
-            f"{len(found)} of {len(jobs)} jobs (by hand, or by the system for want of memory)"
+            f"workers: expected {workers} processes that finish their jobs, found one that was "
+            f"killed after {len(found)} of {len(jobs)} jobs (by hand, or by the system for want "
+            "of memory)"
         ) from e
     except BaseException as e:
         if isinstance(e, KeyboardInterrupt):
             e.finished = found  # type: ignore[attr-defined]
         pool.shutdown(wait=False, cancel_futures=True)
-        for child in set(multiprocessing.active_children()) - others:
-            child.terminate()
+        _terminate(others)
         raise
     finally:
         pool.shutdown()
     return found
+
+
+def _submitted(
+    pool: ProcessPoolExecutor,
+    function: Callable[..., T],
+    jobs: Sequence[Any],
+    given: Mapping[str, Any],
+) -> list[Future[T]]:
+    """The jobs' futures. A worker that starts while the pool breaks finds its pipe closed, an
+    OSError; submitting once more tells whether that was why: BrokenProcessPool."""
+    try:
+        return [pool.submit(function, job, **given) for job in jobs]
+    except OSError:
+        pool.submit(function, jobs[0], **given)
+        raise
+
+
+def _terminate(others: set[Any]) -> None:
+    """Ends the child processes that were not there before: `others` live on."""
+    for child in set(multiprocessing.active_children()) - others:
+        child.terminate()
 
 
 def _context() -> Any:
