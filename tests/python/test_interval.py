@@ -118,10 +118,17 @@ def test_basic_operations_enclose_exact_values():
             x, y = (min(a, b), max(a, b)), (min(c, d), max(c, d))
             op = list(BINARY)[k % 4]
             found = interval_operation(op, x, y)
-            for u in x:
-                for v in y:
-                    if op != "div" or v != 0:
-                        holds(found, BINARY[op](mpmath.mpf(u), mpmath.mpf(v)), (op, x, y, u, v))
+            corners = {
+                (u, v): BINARY[op](mpmath.mpf(u), mpmath.mpf(v))
+                for u in x
+                for v in y
+                if op != "div" or v != 0
+            }
+            for at, exact in corners.items():
+                holds(found, exact, (op, x, y, *at))
+            if k < len(ends) and not (op == "div" and y[0] <= 0 <= y[1]):  # and tight
+                assert found[0] >= min(corners.values()) - 2 * np.spacing(abs(found[0]))
+                assert found[1] <= max(corners.values()) + 2 * np.spacing(abs(found[1]))
 
 
 # --- design

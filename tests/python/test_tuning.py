@@ -43,16 +43,22 @@ def first(request):
     return history, ddmhe.tune(history)
 
 
-def test_the_settings_make_an_estimator_that_is_stable_and_no_worse_than_the_defaults(tuned):
+def test_the_settings_make_a_stable_estimator_that_is_near_the_best_in_hindsight(tuned):
+    """Every setting that was tried, run over the 40 s that follow: at most 1.3 times the least
+    error, a quarter of the way to the worst."""
     history, record = detumbling()
     estimator = ddmhe.DdMhe(history, **tuned.settings)
     assert (estimator.horizon, estimator.rho, estimator.mu) == (tuned.horizon, tuned.rho, tuned.mu)
     assert estimator.spectral_radius <= 1.005
 
-    def error(estimator):
-        return np.linalg.norm(estimator.run(record.y[200:-1]).x - record.x[201:], axis=1).mean()
+    def error(settings):
+        log = ddmhe.DdMhe(history, start=tuned.start, **settings).run(record.y[200:-1])
+        return np.linalg.norm(log.x - record.x[201:], axis=1).mean()
 
-    assert error(estimator) < 1.5 * error(ddmhe.DdMhe(history))
+    stable = tuned.table["spectral radius"] <= 1.005
+    tried = [error(c) for c, use in zip(tuned.candidates, stable, strict=True) if use]
+    assert max(tried) > 2.2 * min(tried)  # the choice matters
+    assert error(tuned.settings) < 1.3 * min(tried)
 
 
 def test_the_table_ranks_what_was_tried(tuned):
@@ -87,8 +93,10 @@ def test_the_scores_are_those_of_estimators_fitted_by_hand(tuned):
             assert tuned.table[f"quarter {q + 1}"].iloc[row] == pytest.approx(relative, rel=1e-9)
 
 
-def test_the_same_recording_gives_the_same_choice(first):
+@pytest.mark.parametrize("threads", ["1", "3"])
+def test_the_number_of_threads_makes_no_other_choice(first, threads, monkeypatch):
     history, tuned = first
+    monkeypatch.setenv("RAYON_NUM_THREADS", threads)
     again = ddmhe.tune(history)
     assert repr(again.settings) == repr(tuned.settings)
     np.testing.assert_array_equal(again.table["score"], tuned.table["score"])
@@ -329,16 +337,16 @@ def test_later_errors_stay_in_the_range():
     assert np.median(factors) < 5.0
 
 
-def test_a_recording_too_short_for_its_end_to_be_held_out_promises_nothing():
+def test_a_recording_too_short_to_tell_promises_nothing_of_a_state_that_it_hardly_shows():
     x = np.random.default_rng(3).standard_normal((23, 6)).cumsum(axis=0)
     tuned = ddmhe.tune(ddmhe.History(x, x[:-1, :1]))
     assert tuned.settings == {}
     assert "cannot tell" in tuned.words
-    assert (
-        np.isnan(tuned.promise).all()
-        == ("No promise" in tuned.words)
-        == (tuned.range[1] == np.inf).all()
-    )
+    beyond = tuned.range[1] > x.std(axis=0)
+    assert beyond.any()
+    assert "of such a state the recording promises nothing" in tuned.words
+    assert (tuned.range[0] < tuned.promise).all()
+    assert (tuned.promise < tuned.range[1]).all()
 
 
 def test_errors_name_the_argument():
