@@ -58,7 +58,8 @@ def main() -> None:
             grown.append(regime)
     if grown and not same:
         print(
-            f"instructions: another compiler ({compiler()}) than the baseline's ({baseline['rustc']}): no verdict"
+            f"instructions: another compiler ({compiler()}) than the baseline's "
+            f"({baseline['rustc']}): no verdict"
         )
     elif grown and "--write" not in sys.argv[1:]:
         sys.exit(f"instructions: more than {LIMIT - 1:.0%} above the baseline: {', '.join(grown)}")

@@ -27,7 +27,8 @@ def main() -> None:
     history = ddmhe.History(states[:61], outputs[:60], 0.1)
     certificate = ddmhe.design.ioss(history, eta=0.9)
     print(
-        f"certificate: largest eigenvalue of its inequality {certificate.residual:.1e}, at most 0 is wanted"
+        f"certificate: largest eigenvalue of its inequality {certificate.residual:.1e}, at most 0 "
+        "is wanted"
     )
     settings = {"horizon": 20, "certificate": certificate, "disturbance": (0.5, 0.0, 0.02)}
     estimator = ddmhe.DdMhe(history, x_prior=states[60] + [0.3, -0.3], **settings)

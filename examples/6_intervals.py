@@ -30,7 +30,8 @@ def main() -> None:
         outside += int(np.any((x < found.lower) | (x > found.upper)))
         width = float(found.upper[1] - found.lower[1])
     print(
-        f"gain verified: {design.verified}; {steps} steps, {outside} states outside of their interval"
+        f"gain verified: {design.verified}; {steps} steps, {outside} states outside of their "
+        "interval"
     )
     print(f"last width of the interval of the rate, which is not measured: {width:.3f} rad/s")
 

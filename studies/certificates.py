@@ -36,7 +36,10 @@ def random_systems():
         c = ioss(A=A, C=C, eta=float(rng.choice([0.5, 0.8, 0.95])))
         largest = max(largest, largest_eigenvalue(c, A, C))
         conditions.append(c.condition)
-    yield f"500 random systems (n 1 to 6, p 1 to 8): all certified, largest eigenvalue of all {largest:.2e},"
+    yield (
+        "500 random systems (n 1 to 6, p 1 to 8): all certified, largest eigenvalue of all "
+        f"{largest:.2e},"
+    )
     yield f"cond P {np.median(conditions):.3g} in the median, {max(conditions):.3g} at most."
 
 
@@ -67,14 +70,22 @@ def simulated():
                 ]
             )
     ratio, share = np.nanmedian(np.array(tight), axis=0)
-    yield f"10 000 trajectories of 50 systems: {violations[0]} exceed the bound of the step, {violations[1]} the one"
-    yield f"known in advance. Medians: the bound of the step is {ratio:.2f} times the one in advance, the error"
+    yield (
+        f"10 000 trajectories of 50 systems: {violations[0]} exceed the bound of the step, "
+        f"{violations[1]} the one"
+    )
+    yield (
+        f"known in advance. Medians: the bound of the step is {ratio:.2f} times the one in "
+        "advance, the error"
+    )
     yield f"{share:.2f} times the bound."
 
 
 def satellite():
     """The paper's target."""
-    yield "| sampling (s) | eta | cond P | trace Q | trace R | horizon | rho0 of any gain at least |"
+    yield (
+        "| sampling (s) | eta | cond P | trace Q | trace R | horizon | rho0 of any gain at least |"
+    )
     yield "|" + " --- |" * 7
     for dt in (0.1, 0.5):
         record = ddmhe.models.detumbling().simulate(20.0, dt)
@@ -82,13 +93,19 @@ def satellite():
         bound = pole_placement(h).lower_bound
         for eta in (0.8, 0.9, 0.95):
             c = ioss(h, eta)
-            numbers = f"{c.condition:.4g} | {np.trace(c.Q):.4g} | {np.trace(c.R):.4g} | {c.horizon} | {bound:.3f}"
+            numbers = (
+                f"{c.condition:.4g} | {np.trace(c.Q):.4g} | {np.trace(c.R):.4g} | {c.horizon} | "
+                f"{bound:.3f}"
+            )
             yield f"| {dt} | {eta} | {numbers} |"
 
 
 def robust():
     """How much larger a certificate becomes with the noise that it must cover."""
-    yield "| noise on x and y | kind | certified | true system satisfies it | P | Q | R (ratios to nominal, medians) |"
+    yield (
+        "| noise on x and y | kind | certified | true system satisfies it | P | Q | R (ratios to "
+        "nominal, medians) |"
+    )
     yield "|" + " --- |" * 7
     for kind in ("bounded", "gaussian"):
         for size in (1e-4, 1e-3, 3e-3, 1e-2, 2e-2):

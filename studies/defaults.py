@@ -253,12 +253,18 @@ def main():
 PREFACE = [
     "# The default rule against hindsight",
     "",
-    "Printed by `make study-defaults` (studies/defaults.py). *rule* is `DdMhe(history)` with nothing given; *paper*",
-    "has the paper's weights (ρ = 0.8, M = 10, μ = 1e5) with rank 3; *warm start* and *equilibrium* are the rule with",
-    "that option. Errors: 3-DOF in deg/s (|ω| error, RMSE over the span), spin-down in rad/s, measured pendulum NRMSE.",
-    "*hindsight* is the best of a grid of horizons, weights and spaces chosen with the truth, case by case.",
-    "The rule's constants were chosen with the nominal 3-DOF target and these pendulum logs in view (some 400 settings",
-    "were compared on them), so those groups are in-sample: expect other logs of the kind to do worse.",
+    "Printed by `make study-defaults` (studies/defaults.py). *rule* is `DdMhe(history)` with "
+    "nothing given; *paper*",
+    "has the paper's weights (ρ = 0.8, M = 10, μ = 1e5) with rank 3; *warm start* and "
+    "*equilibrium* are the rule with",
+    "that option. Errors: 3-DOF in deg/s (|ω| error, RMSE over the span), spin-down in rad/s, "
+    "measured pendulum NRMSE.",
+    "*hindsight* is the best of a grid of horizons, weights and spaces chosen with the truth, case "
+    "by case.",
+    "The rule's constants were chosen with the nominal 3-DOF target and these pendulum logs in "
+    "view (some 400 settings",
+    "were compared on them), so those groups are in-sample: expect other logs of the kind to do "
+    "worse.",
     "",
 ]
 

@@ -126,8 +126,14 @@ def soundness(progress):
     bad, widths = adversarial()
     total = sum(f[0] for f in found) + bad
     count = TRAJECTORIES + ADVERSARIES
-    yield f"{TRAJECTORIES} trajectories of {STEPS} samples, a quarter each uniform, extreme, constant and switching,"
-    yield f"half of them from a vertex of the initial box; {ADVERSARIES} adversarial ones. Trajectories that leave:"
+    yield (
+        f"{TRAJECTORIES} trajectories of {STEPS} samples, a quarter each uniform, extreme, "
+        "constant and switching,"
+    )
+    yield (
+        f"half of them from a vertex of the initial box; {ADVERSARIES} adversarial ones. "
+        "Trajectories that leave:"
+    )
     yield ""
     yield "| method | predicted | with y(k) | ball (44) | ellipsoid |"
     yield "|" + " --- |" * 5
@@ -198,8 +204,14 @@ def detumbling():
     model = ddmhe.models.detumbling()
     record = model.simulate(120.0, 0.1)
     y = record.y[:-1] + np.random.default_rng(0).uniform(-0.01, 0.01, record.y[:-1].shape)
-    yield "Rate known to 1e-3 rad/s at the start, torque noise below 0.01 N m, |w| < 1e-7 rad/s a sample; steady Kalman"
-    yield "gain, 60 generators. Widest full width over the three axes, deg/s; the rate itself is 14.8 deg/s."
+    yield (
+        "Rate known to 1e-3 rad/s at the start, torque noise below 0.01 N m, |w| < 1e-7 rad/s a "
+        "sample; steady Kalman"
+    )
+    yield (
+        "gain, 60 generators. Widest full width over the three axes, deg/s; the rate itself is "
+        "14.8 deg/s."
+    )
     yield ""
     yield "| parameters | method | 5 s | 20 s | 40 s | 100 s | 120 s | samples outside |"
     yield "|" + " --- |" * 8
@@ -222,11 +234,20 @@ def detumbling():
 def recorded():
     """Intervals from 20 s of the same target's recording."""
     model = ddmhe.models.detumbling()
-    yield "20 s of recording without errors in the rate, then the next 20 s. w_radius is 1.2 or 3 times what least"
-    yield "squares misses the recorded rates by, v_radius 1.5 times what it misses the torque by, or the noise's bound"
+    yield (
+        "20 s of recording without errors in the rate, then the next 20 s. w_radius is 1.2 or 3 "
+        "times what least"
+    )
+    yield (
+        "squares misses the recorded rates by, v_radius 1.5 times what it misses the torque by, or "
+        "the noise's bound"
+    )
     yield "if that is larger."
     yield ""
-    yield "| torque noise below (N m) | largest w_radius (rad/s) | full width after 1, 5, 20 s (deg/s) | outside |"
+    yield (
+        "| torque noise below (N m) | largest w_radius (rad/s) | full width after 1, 5, 20 s "
+        "(deg/s) | outside |"
+    )
     yield "|" + " --- |" * 4
     for noise in (1e-4, 1e-3, 1e-2):
         record = model.simulate(40.0, 0.1)

@@ -97,9 +97,12 @@ def main():
     lines = [
         "# Sensitivity of the 3-DOF estimate",
         "",
-        "Printed by `make study-sensitivity` (studies/sensitivity.py): |omega error|, RMSE in deg/s over 20 s / 100 s",
-        f"after 20 s of recording, median of {len(SEEDS)} seeds, no box; 1e-4 rad/s of noise on the recorded rate.",
-        f"What is not on the axes: {', '.join(f'{k} = {v:g}' for k, v in BASE.items())}, torque noise 0.01 N m.",
+        "Printed by `make study-sensitivity` (studies/sensitivity.py): |omega error|, RMSE in "
+        "deg/s over 20 s / 100 s",
+        f"after 20 s of recording, median of {len(SEEDS)} seeds, no box; 1e-4 rad/s of noise on "
+        "the recorded rate.",
+        f"What is not on the axes: {', '.join(f'{k} = {v:g}' for k, v in BASE.items())}, torque "
+        "noise 0.01 N m.",
         "How to read it: [sensitivity.md](sensitivity.md).",
         "",
     ]

@@ -91,7 +91,10 @@ def main():
         lines.append("| " + " | ".join(cells) + " |")
     console.print(table)
     median, worst = np.median(seconds), max(seconds)
-    took = f"One call of tune took {median:.1f} s in the median, {worst:.1f} s at most, on {os.cpu_count()} cores."
+    took = (
+        f"One call of tune took {median:.1f} s in the median, {worst:.1f} s at most, on "
+        f"{os.cpu_count()} cores."
+    )
     console.print(took)
     if any(case.group == "measured pendulum" for case, _ in todo):
         REPORT.write_text("\n".join([*PREFACE, took, "", *lines, ""]), encoding="utf-8")
@@ -101,11 +104,15 @@ def main():
 PREFACE = [
     "# Tuning against hindsight",
     "",
-    "Printed by `make study-tuning` (studies/tuning.py). *tuned* is `DdMhe(h, **t.settings, start=t.start)` with",
+    "Printed by `make study-tuning` (studies/tuning.py). *tuned* is `DdMhe(h, **t.settings, "
+    "start=t.start)` with",
     "`t = tune(h)`, *defaults* is `DdMhe(h)`.",
-    "Errors: 3-DOF in deg/s (|ω| error, RMSE over the span), spin-down in rad/s with the rest known,",
-    "measured pendulum NRMSE. *Hindsight* is the best of the tuner's own candidates, picked with the truth for each",
-    "case and span by itself. The tuner's constants were chosen with the random targets, the spin-downs and the logs",
+    "Errors: 3-DOF in deg/s (|ω| error, RMSE over the span), spin-down in rad/s with the rest "
+    "known,",
+    "measured pendulum NRMSE. *Hindsight* is the best of the tuner's own candidates, picked with "
+    "the truth for each",
+    "case and span by itself. The tuner's constants were chosen with the random targets, the "
+    "spin-downs and the logs",
     "in view; the held-out targets were not looked at before.",
     "",
 ]

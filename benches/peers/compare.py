@@ -189,7 +189,8 @@ def table(results: list[Result]) -> list[str]:
     """Markdown of one case."""
     base = next(np.mean(r.nanoseconds) for r in results if r.name.startswith("ddmhe: run"))
     lines = [
-        "| tool | median, µs | mean, µs | p99, µs | mean / ddmhe run | largest difference | off | failed | |",
+        "| tool | median, µs | mean, µs | p99, µs | mean / ddmhe run | largest difference | off | "
+        "failed | |",
         "|---|--:|--:|--:|--:|--:|--:|--:|---|",
     ]
 
@@ -204,8 +205,9 @@ def table(results: list[Result]) -> list[str]:
         # run times a whole log at once: it has no distribution over steps
         p99 = "" if "run" in r.name else f"{np.percentile(r.nanoseconds, 99) / 1e3:.3g}"
         lines.append(
-            f"| {r.name} | {median:.3g} | {mean:.3g} | {p99} | {1e3 * mean / base:.3g} "
-            f"| {text(r.largest_error, '.1e')} | {text(r.off, '.0%')} | {text(r.failed, '.0%')} | {r.note} |"
+            f"| {r.name} | {median:.3g} | {mean:.3g} | {p99} | {1e3 * mean / base:.3g} | "
+            f"{text(r.largest_error, '.1e')} | {text(r.off, '.0%')} | {text(r.failed, '.0%')} | "
+            f"{r.note} |"
         )
     return lines
 
@@ -217,7 +219,10 @@ def machine() -> str:
         cpu = next(line.split(":")[1].strip() for line in lines if line.startswith("model name"))
     except (OSError, StopIteration):
         cpu = platform.processor()
-    return f"{cpu}, {os.cpu_count()} cores, {platform.system()} {platform.machine()}, Python {platform.python_version()}"
+    return (
+        f"{cpu}, {os.cpu_count()} cores, {platform.system()} {platform.machine()}, Python "
+        f"{platform.python_version()}"
+    )
 
 
 def versions() -> dict[str, str]:

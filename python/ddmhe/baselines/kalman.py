@@ -135,7 +135,8 @@ class ArxKalman(Baseline):
         if not fits:
             least = 2 * (m + 1) if order is None else order + 1
             raise RankError(
-                f"history: expected more than {least} samples, also in the last recording, found {total}"
+                f"history: expected more than {least} samples, also in the last recording, found "
+                f"{total}"
             )
         _, self.order, self._offset, lags, noise = min(fits, key=lambda fit: fit[0])
         L = self.order

@@ -218,8 +218,8 @@ class TahirIntervalObserver:
         if best is None:
             found = "none" if least == np.inf else f"rho(|A - L C| + F) = {least:.4f} at best"
             raise InfeasibleError(
-                "transform, lam: expected a gain that keeps the widths bounded, rho(|A - L C| + F) < 1 in these "
-                f"coordinates, found {found} among those tried"
+                "transform, lam: expected a gain that keeps the widths bounded, rho(|A - L C| + F) "
+                f"< 1 in these coordinates, found {found} among those tried"
             )
         return best[1]
 

@@ -131,8 +131,8 @@ class Certificate:
         needs ‖w‖."""
         if self.identified:
             raise DdmheError(
-                "certificate: expected one of a known system or with the recording's noise stated, found one whose "
-                "model was fitted to a noisy recording"
+                "certificate: expected one of a known system or with the recording's noise stated, "
+                "found one whose model was fitted to a noisy recording"
             )
         for name, value in (("initial", initial), ("w", w), ("v", v)):
             check_number(name, value, "a finite number of at least 0", lambda size: size >= 0)
@@ -187,15 +187,16 @@ class Certificate:
             noise = self.noise
             chance = f", with probability {noise.confidence:g}," if noise.kind == "gaussian" else ""
             scope = (
-                f"every system that the recording allows{chance} with {noise.kind} noise of {noise.x:g} on the states, "
-                f"{noise.y:g} on the outputs and {noise.w:g} on the motion"
+                f"every system that the recording allows{chance} with {noise.kind} noise of "
+                f"{noise.x:g} on the states, {noise.y:g} on the outputs and {noise.w:g} on the "
+                "motion"
             )
         elif self.uncertainty is not None:
             scope = "every system consistent with the recording that it was made from"
         else:
             scope = (
-                "the one system (A, C) that was given or identified, and no other that a noisy recording allows (state "
-                "its noise for that)"
+                "the one system (A, C) that was given or identified, and no other that a noisy "
+                "recording allows (state its noise for that)"
             )
         if self.identified:
             scope += ", so that no error bound follows"
@@ -205,9 +206,9 @@ class Certificate:
             else " Rounding refuted the smaller weights that were tried: not the best gains."
         )
         return (
-            f"Certified for {scope}: discount {self.eta:.6g} per sample, cond P = {self.condition:.4g}, largest "
-            f"eigenvalue of the inequality {self.residual:.3g}. Estimation errors shrink with a horizon of at least "
-            f"{self.horizon}.{best}"
+            f"Certified for {scope}: discount {self.eta:.6g} per sample, cond P = "
+            f"{self.condition:.4g}, largest eigenvalue of the inequality {self.residual:.3g}. "
+            f"Estimation errors shrink with a horizon of at least {self.horizon}.{best}"
         )
 
 
@@ -319,7 +320,8 @@ def scalar_certificate(
     residual = largest_eigenvalue(dissipation(A, C, P, Q, R, rho))
     if residual > 0:
         raise InfeasibleError(
-            f"gain: expected one for which the inequality holds, found its eigenvalue {residual:.3g}"
+            "gain: expected one for which the inequality holds, found its eigenvalue "
+            f"{residual:.3g}"
         )
     if (e is None) != (r is None):
         raise DdmheError("e, r: expected both or neither, found one")
@@ -416,7 +418,8 @@ def _smallest_eta(allowed: ConsistentSet, condition: float) -> float:
     lo, hi = 0.0, 1.0 - 1e-4
     if best_gains(allowed, hi, condition, (1.0, 1.0)) is None:
         raise InfeasibleError(
-            f"condition: expected a bound on cond P that some eta below {hi} can meet, found {condition:g}"
+            f"condition: expected a bound on cond P that some eta below {hi} can meet, found "
+            f"{condition:g}"
         )
     while hi - lo > 1e-3:
         middle = 0.5 * (lo + hi)
@@ -439,20 +442,26 @@ def _why_not(
     if slow**2 >= eta:
         if slow >= 1:
             return (
-                f"A, C: expected a detectable pair, found a mode of magnitude {slow:.6g} that no output shows: "
-                "no certificate exists"
+                f"A, C: expected a detectable pair, found a mode of magnitude {slow:.6g} that no "
+                "output shows: no certificate exists"
             )
-        return f"eta: expected more than {slow**2:.6g}, the square of the unobservable mode {slow:.6g}, found {eta:g}"
+        return (
+            f"eta: expected more than {slow**2:.6g}, the square of the unobservable mode "
+            f"{slow:.6g}, found {eta:g}"
+        )
     if noise is not None:
         share = _certifiable_share(allowed, eta, condition, gains)
         return (
-            f"noise: expected a size that leaves systems which one certificate with eta = {eta:g} can cover, found a "
-            f"set of consistent systems that would have to be {share:.2g} times as wide; state less noise, record "
-            f"more motion or raise eta"
+            f"noise: expected a size that leaves systems which one certificate with eta = {eta:g} "
+            f"can cover, found a set of consistent systems that would have to be {share:.2g} times "
+            "as wide; state less noise, record more motion or raise eta"
         )
     if condition is not None:
         return f"eta: expected a larger one for cond P of at most {condition:g}, found {eta:g}"
-    return f"A, C: expected a pair whose certificate survives rounding, found one too badly observable at eta = {eta:g}"
+    return (
+        "A, C: expected a pair whose certificate survives rounding, found one too badly observable "
+        f"at eta = {eta:g}"
+    )
 
 
 def _certifiable_share(

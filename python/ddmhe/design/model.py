@@ -205,8 +205,8 @@ def _check_span(X: Array, magnitude: Array) -> None:
     rank = int(np.sum(sigma > floor)) if len(sigma) else 0
     if rank < X.shape[1]:
         raise RankError(
-            f"history: expected states that span n = {X.shape[1]} directions about their mean, found {rank}: "
-            "some combination of the states never changes"
+            f"history: expected states that span n = {X.shape[1]} directions about their mean, "
+            f"found {rank}: some combination of the states never changes"
         )
 
 

@@ -119,37 +119,43 @@ class PolePlacement:
         if self.rank < self.required_rank:
             only = "no free gain but L = A^-T C^T, which does not stabilise"
             yield (
-                f"The rank condition (44) fails: the recorded differences have rank {self.rank}, not n + p = "
-                f"{self.required_rank}, which no noise-free recording of a linear autonomous system reaches. The "
-                f"pseudo-inverse then leaves {only if self.rank <= n else 'fewer gains than there are'}."
+                f"The rank condition (44) fails: the recorded differences have rank {self.rank}, "
+                f"not n + p = {self.required_rank}, which no noise-free recording of a linear "
+                "autonomous system reaches. The pseudo-inverse then leaves "
+                f"{only if self.rank <= n else 'fewer gains than there are'}."
             )
         if self.lower_bound >= 1:
             yield (
-                f"(24) is impossible: C has rank {self.output_rank} < n = {n}, and on its kernel no gain acts, so "
-                f"that rho0 >= {self.lower_bound:.4g} for every gain. Use a weighted certificate (ddmhe.design.ioss) "
-                "instead."
+                f"(24) is impossible: C has rank {self.output_rank} < n = {n}, and on its kernel "
+                f"no gain acts, so that rho0 >= {self.lower_bound:.4g} for every gain. Use a "
+                "weighted certificate (ddmhe.design.ioss) instead."
             )
         if self.arbitrary:
             yield (
                 "The dual data have independent rows (noise or nonlinearity in at least 2n + p = "
-                f"{n + self.required_rank} columns): A_L = 0, L = 0 solves the programme whatever the system is."
+                f"{n + self.required_rank} columns): A_L = 0, L = 0 solves the programme whatever "
+                "the system is."
             )
 
     def _outcome(self) -> Iterator[str]:
         if self.gain is None:
             yield (
-                f"Algorithm 2 found no gain in {self.attempts} attempt(s); the semidefinite programme is infeasible or "
-                "fails."
+                f"Algorithm 2 found no gain in {self.attempts} attempt(s); the semidefinite "
+                "programme is infeasible or fails."
             )
             return
         yield f"As printed: rho0 = {self.rho0:.4g}, mu0 = {self.mu0:.4g} for {self.region}."
         if not self.agree:
             yield (
-                f"With the same gain in the identified system rho0 = {self.rho0_identified:.4g}: the printed value is "
-                "shaped by the recording's noise or nonlinearity and certifies nothing."
+                f"With the same gain in the identified system rho0 = {self.rho0_identified:.4g}: "
+                "the printed value is shaped by the recording's noise or nonlinearity and "
+                "certifies nothing."
             )
         relation, holds = ("< 1", "holds") if self.certified else (">= 1", "does not hold")
-        yield f"In the identified system rho0 = {self.rho0_identified:.4g} {relation}: (24) {holds} there."
+        yield (
+            f"In the identified system rho0 = {self.rho0_identified:.4g} {relation}: (24) {holds} "
+            "there."
+        )
 
 
 def pole_placement(

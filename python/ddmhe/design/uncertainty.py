@@ -124,8 +124,8 @@ def consistent_set(history: History, noise: RecordingNoise) -> ConsistentSet:
         weakest = math.sqrt(max(float(np.linalg.eigvalsh(X.T @ X)[0]), 0.0) / len(X))
         hidden = math.sqrt(theta_0 / len(X))
         raise RankError(
-            f"noise: expected a recording that moves every direction of the state by more than its errors, found "
-            f"{weakest:.3g} rms in the weakest one against {hidden:.3g}"
+            "noise: expected a recording that moves every direction of the state by more than its "
+            f"errors, found {weakest:.3g} rms in the weakest one against {hidden:.3g}"
         )
     centre = np.linalg.solve(H, X.T @ Z).T  # (n+p) x n
     theta = np.concatenate([np.full(n, theta_1), np.full(p, theta_y)])
@@ -134,8 +134,8 @@ def consistent_set(history: History, noise: RecordingNoise) -> ConsistentSet:
     rounding = 1e-12 * float(np.trace(Z.T @ Z) + np.trace(centre @ H @ centre.T))
     if values[0] < -rounding:
         raise DdmheError(
-            "noise: expected a size that the recording's errors do not exceed, found that no linear system explains "
-            "the recording with it; state more, or allow for process noise w"
+            "noise: expected a size that the recording's errors do not exceed, found that no "
+            "linear system explains the recording with it; state more, or allow for process noise w"
         )
     offset = mean_z - centre @ mean_x
     inverse = np.linalg.inv(H)

@@ -160,8 +160,11 @@ def box(
     leaves x_c alone."""
 
     def run(width: float) -> Any:
-        bounds = {"x_bounds": (-width, width), "x_center": "history"}
-        return DdMhe(history, horizon, rho, mu, space=Truncated(rank), **bounds).run(Y)  # type: ignore[arg-type]
+        space, bounds = Truncated(rank), (-width, width)
+        estimator = DdMhe(
+            history, horizon, rho, mu, space=space, x_bounds=bounds, x_center="history"
+        )
+        return estimator.run(Y)
 
     return run(0.0).x, run(BOX).active
 
@@ -278,8 +281,8 @@ def _recovers(name: str) -> Statement:
         lambda trials: (
             f"during {_numbers(trials, DURING, (name,))}, after {_numbers(trials, AFTER, (name,))}"
         ),
-        "criterion: from 0.1 s after the noise the error is below half of that during it, or below 1 % of the initial "
-        "speed",
+        "criterion: from 0.1 s after the noise the error is below half of that during it, or below "
+        "1 % of the initial speed",
     )
 
 
@@ -310,17 +313,16 @@ STATEMENTS: dict[str, tuple[Statement, ...]] = {
             _less_noisy,
             lambda trials: _scatters(trials, (MHE, KMHE)),
             "criterion: scatter about the estimates' own cubic trend during the noise, larger for "
-            "Dd-MHE; a bench on which "
-            "one of them has left the initial speed behind cannot tell",
+            "Dd-MHE; a bench on which one of them has left the initial speed behind cannot tell",
         ),
         Statement(
             "IV-A2, Fig. 3",
             "Dd-ESKF with Q = 1e5, R = 1e3 is strongly robust against noise",
             lambda _, trials: _scatter(trials, ESKF) < 0.5 * _scatter(trials, MHE),
             lambda trials: _scatters(trials, (MHE, ESKF, TUNED)),
-            "criterion: less than half of Dd-MHE's scatter during the noise. How far Q = 1e5 against R = "
-            "1e3 trusts the "
-            "model is a matter of C²Q/R, and so of units: 2.5e-5 to 0.25 in the family",
+            "criterion: less than half of Dd-MHE's scatter during the noise. How far Q = 1e5 "
+            "against R = 1e3 trusts the model is a matter of C²Q/R, and so of units: 2.5e-5 to "
+            "0.25 in the family",
         ),
         _better("Fig. 3"),
     ),
@@ -330,9 +332,8 @@ STATEMENTS: dict[str, tuple[Statement, ...]] = {
             "Dd-ESKF (Q = 1e5, R = 1e3) cannot follow the disturbance",
             lambda bench, trials: _typical(trials, ESKF, AFTER) > 0.25 * bench.kick,
             lambda trials: _numbers(trials, AFTER, (ESKF, TUNED)),
-            "criterion: more than a quarter of the kick is missed from 0.1 s after the event on; as for "
-            "Fig. 3, a matter "
-            "of C²Q/R: the paper prints no C",
+            "criterion: more than a quarter of the kick is missed from 0.1 s after the event on; "
+            "as for Fig. 3, a matter of C²Q/R: the paper prints no C",
         ),
         Statement(
             "IV-A2, Fig. 4",
@@ -400,7 +401,8 @@ def claims_mu(found: Mapping[Bench, Mapping[float, Trials]]) -> list[Claim]:
                 f"The estimates of {short(name)} are stable for every μ",
                 {bench: each[name][1] < SPEED for bench, each in spread.items()},
                 f"{lo:.3g} to {hi:.3g} rad/s",
-                f"criterion: no median RMSE above the initial speed for μ from {MUS[0]:g} to {MUS[-1]:g}",
+                f"criterion: no median RMSE above the initial speed for μ from {MUS[0]:g} to "
+                f"{MUS[-1]:g}",
             )
         )
     rows.append(

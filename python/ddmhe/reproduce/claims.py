@@ -83,12 +83,16 @@ def cases(judged: Mapping[str, bool]) -> str:
 INTRODUCTION = """\
 # What the papers claim, and what came out
 
-Written by `ddmhe reproduce`: every verdict is computed from the series or the matrices of that run. Roman numbers
-are sections of the de-tumbling paper (X. Liu et al., arXiv 2301.05351v3), "interval paper" is "Interval Estimation for
+Written by `ddmhe reproduce`: every verdict is computed from the series or the matrices of \
+that run. Roman numbers
+are sections of the de-tumbling paper (X. Liu et al., arXiv 2301.05351v3), "interval paper" is \
+"Interval Estimation for
 Bounded Jacobian Nonlinear Systems by Zonotope Analysis". Errors: medians over the noise seeds.
 
-The de-tumbling paper prints neither speed, inertia, torque nor noise of its bench (IV-A), so no single bench can refute
-what Figs. 2 to 6 show: those claims are judged over a family of benches (`ddmhe.reproduce.bench.FAMILY`).
+The de-tumbling paper prints neither speed, inertia, torque nor noise of its bench (IV-A), \
+so no single bench can refute
+what Figs. 2 to 6 show: those claims are judged over a family of benches \
+(`ddmhe.reproduce.bench.FAMILY`).
 
 - **holds with …**: under a condition that the paper does not state, named beside it.
 - **holds for …**: in some of the cases that fit what is printed, named beside it.

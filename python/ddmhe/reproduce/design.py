@@ -147,10 +147,9 @@ def _rank(row: pd.DataFrame) -> Claim:
         "n + p",
         "; ".join(f"{name}: {rank} of {required}" for name, (rank, required) in found.items()),
         "holds with …" if noisy and not clean else holds_if(noisy and clean),
-        "with noise only: noise-free data of (42) have [X1; Y0] = [A; C] X0 of rank at most n; the nonlinearity of the "
-        "3-DOF motion adds 2 directions, since Y0 = C X0 with rank C = 2 stays exact. Judged against the "
-        "rounding of the "
-        "differences (46)",
+        "with noise only: noise-free data of (42) have [X1; Y0] = [A; C] X0 of rank at most n; the "
+        "nonlinearity of the 3-DOF motion adds 2 directions, since Y0 = C X0 with rank C = 2 stays "
+        "exact. Judged against the rounding of the differences (46)",
     )
 
 
@@ -170,8 +169,8 @@ def _bench_numbers(row: pd.DataFrame) -> list[Claim]:
                 "cannot be checked"
                 if arbitrary
                 else holds_if(abs(noisy - printed) <= 0.1 * printed),
-                "with noise in at least 2n + p columns A_L = 0, L = 0 solves (56) for any system: the digits are the "
-                "solver's zero, and say nothing about a bench",
+                "with noise in at least 2n + p columns A_L = 0, L = 0 solves (56) for any system: "
+                "the digits are the solver's zero, and say nothing about a bench",
             )
         )
     rho0, mu0 = PRINTED["bench"]
@@ -187,9 +186,9 @@ def _bench_numbers(row: pd.DataFrame) -> list[Claim]:
             "1.2705e-19, 3.3307e-14",
             ", ".join(f"decay of {decay:g} s: |C| ≥ {C:.2g} N·m·s" for decay, C in least.items()),
             holds_if(min(least.values()) <= 1e3 * largest),
-            "|A| ≤ √(ρ0/6) + √(μ0/6)|C| for n = p = 1: the pair needs a brake of 10 million N·m per "
-            "rad/s. Criterion: within "
-            f"1000 times the largest C of the family, {largest:g} N·m·s",
+            "|A| ≤ √(ρ0/6) + √(μ0/6)|C| for n = p = 1: the pair needs a brake of 10 million N·m "
+            f"per rad/s. Criterion: within 1000 times the largest C of the family, {largest:g} "
+            "N·m·s",
         )
     )
     return rows
@@ -213,14 +212,15 @@ def _satellite_numbers(row: pd.DataFrame, histories: Mapping[str, History]) -> l
             "IV-B, Algorithm 2",
             "ρ0 and μ0 of the 3-DOF case are what Algorithm 2 returns",
             "0.4614, 21.1561",
-            f"in deg/s: r = {r_rho:.4g} gives ρ0 = {rho:.4f} (μ0 = {mu_there:.4g}), r = {r_mu:.3g} gives μ0 = {mu:.4g} "
-            f"(ρ0 = {rho_there:.3g}); nearest to both, r = {r:.3g}: {both_rho:.3g} and {both_mu:.3g}, "
-            f"within {factor:.2f} times",
+            f"in deg/s: r = {r_rho:.4g} gives ρ0 = {rho:.4f} (μ0 = {mu_there:.4g}), r = {r_mu:.3g} "
+            f"gives μ0 = {mu:.4g} (ρ0 = {rho_there:.3g}); nearest to both, r = {r:.3g}: "
+            f"{both_rho:.3g} and {both_mu:.3g}, within {factor:.2f} times",
             "plausible" if reached else "cannot be checked",
-            "r, Q, R and the sampling interval are not printed; with Q = R = I the latter does not matter (μ0 at "
-            f"{'/'.join(f'{dt:g}' for dt in INTERVALS)} s: "
-            f"{'/'.join(f'{each:.4g}' for each in (mu, *_mus(again)))}). Noise-free "
-            "recording, rank 5. Criterion: ρ0 within 1 %, μ0 within 5 % at some radius each, both within twice at one",
+            "r, Q, R and the sampling interval are not printed; with Q = R = I the latter does not "
+            f"matter (μ0 at {'/'.join(f'{dt:g}' for dt in INTERVALS)} s: "
+            f"{'/'.join(f'{each:.4g}' for each in (mu, *_mus(again)))}). Noise-free recording, "
+            "rank 5. Criterion: ρ0 within 1 %, μ0 within 5 % at some radius each, both within "
+            "twice at one",
         ),
         Claim(
             "IV-B, (24)",
@@ -228,7 +228,8 @@ def _satellite_numbers(row: pd.DataFrame, histories: Mapping[str, History]) -> l
             "0.4614, 21.1561",
             f"ρ0 ≥ {bound:.4g} for every gain",
             holds_if(bound <= rho0),
-            "the torque does not show the rate along B, where A is nearly the identity: 6‖A b‖² with C b = 0",
+            "the torque does not show the rate along B, where A is nearly the identity: 6‖A b‖² "
+            "with C b = 0",
         ),
         _units(row),
     ]
@@ -255,9 +256,8 @@ def _units(row: pd.DataFrame) -> Claim:
         f"({_number(scale * rad[1])} in deg/s); in "
         f"deg/s: ρ0 = {_number(deg[0])}, μ0 = {_number(deg[1])}",
         holds_if(same),
-        "they depend on the state's unit: through I in (51c) and through Q, R and β in (56). Criterion: "
-        "the same to 5 % "
-        "after conversion",
+        "they depend on the state's unit: through I in (51c) and through Q, R and β in (56). "
+        "Criterion: the same to 5 % after conversion",
     )
 
 
@@ -271,13 +271,11 @@ def _remark_4(row: pd.DataFrame) -> list[Claim]:
             "ρ0 < 1",
             "; ".join(
                 f"{name}: {_number(row['rho0 as printed'][name])} printed, "
-                f"{_number(row['rho0 in the model'][name])} in the "
-                "identified system"
+                f"{_number(row['rho0 in the model'][name])} in the identified system"
                 for name in names
             ),
             holds_if(any(meets.values())),
-            "criterion: the same gain in the identified system. It does where the data are those of (42) "
-            "with noise that just "
-            "fills the rank (n + p columns), and C has rank n",
+            "criterion: the same gain in the identified system. It does where the data are those "
+            "of (42) with noise that just fills the rank (n + p columns), and C has rank n",
         )
     ]

@@ -210,8 +210,11 @@ def _detumbling(advance: Callable[[], None]) -> Result:
     table = Table(
         "estimator",
         *columns,
-        title=f"detumbling: RMSE of |omega error| over 20/40/100 s ({satellite.JUDGED:g} N m: also 180 s) in deg/s, "
-        f"median of {SEEDS} seeds; columns: torque noise, noise of the recorded rate (rad/s)",
+        title=(
+            f"detumbling: RMSE of |omega error| over 20/40/100 s ({satellite.JUDGED:g} N m: also "
+            f"180 s) in deg/s, median of {SEEDS} seeds; columns: torque noise, noise of the "
+            "recorded rate (rad/s)"
+        ),
         title_justify="left",
     )
     for name in nominal.names:
@@ -327,7 +330,8 @@ def reproduce_real(
         return _summarised(pendulum_scores(paths, advance), directory)
     except KeyboardInterrupt as e:
         scores: Any = getattr(e, "finished", ())
-        e.finished = _summarised(scores, directory) if len(scores) else None  # type: ignore[attr-defined]
+        finished = _summarised(scores, directory) if len(scores) else None
+        e.finished = finished  # type: ignore[attr-defined]
         raise
 
 
@@ -364,7 +368,8 @@ def _markdown(
     lines = [
         "# Measured pendulum logs: every estimator",
         "",
-        f"Written by `ddmhe reproduce real`: NRMSE of the rate estimated from the accelerometer, {count} logs.",
+        "Written by `ddmhe reproduce real`: NRMSE of the rate estimated from the accelerometer, "
+        f"{count} logs.",
         "Nothing was chosen with the truth. *inf*: diverged.",
         "",
         *markdown_table(

@@ -85,23 +85,21 @@ def claims(phi: float) -> list[Claim]:
             "Interval paper, 2.2, (15), (16)",
             "Some J in [J̲, J̄] satisfies both inequalities",
             "",
-            f"J = ∫Df: both with equality to {apart:.0e} over 1000 pairs of the pendulum, J at most "
-            f"{max(outside, 0.0):.0e} "
-            "outside",
+            f"J = ∫Df: both with equality to {apart:.0e} over 1000 pairs of the pendulum, J at "
+            f"most {max(outside, 0.0):.0e} outside",
             holds_if(apart < 1e-12 and outside < 1e-15),
-            "with equality, so the relaxation by a, b and U in (22) is not needed: an inequality affine "
-            "in J at the vertices",
+            "with equality, so the relaxation by a, b and U in (22) is not needed: an inequality "
+            "affine in J at the vertices",
         ),
         Claim(
             "Interval paper, 3.1, (24)",
             "‖e_k‖² ≤ μ(λ(1-λ)^k V0 + μw w̄² + μv v̄²)",
             "w̄², v̄²",
-            f"Ã = 0, λ = 0.9, w̄ = (1, 1): ‖e‖² = {square:.3g}; w̄² as w̄ᵀw̄ allows {sum_allows:.3g}, as (max w̄)² "
-            f"{max_allows:.3g}",
+            f"Ã = 0, λ = 0.9, w̄ = (1, 1): ‖e‖² = {square:.3g}; w̄² as w̄ᵀw̄ allows "
+            f"{sum_allows:.3g}, as (max w̄)² {max_allows:.3g}",
             "holds with …" if max_allows < square <= sum_allows else holds_if(square <= max_allows),
-            "with w̄ᵀw̄ and v̄ᵀv̄, as (38) has it: w̄ is a vector; and with V0 at its largest over the "
-            "initial box, since e0 is "
-            "unknown",
+            "with w̄ᵀw̄ and v̄ᵀv̄, as (38) has it: w̄ is a vector; and with V0 at its largest over "
+            "the initial box, since e0 is unknown",
         ),
         Claim(
             "Interval paper, 3.1, (43)",
@@ -117,9 +115,8 @@ def claims(phi: float) -> list[Claim]:
             "",
             f"f(x) = (cos x1, sin x1) over 2π: misses by at least {missed:.3g} for every x'",
             "holds with …" if missed > 1e-3 else "holds",
-            "with a point of its own for every row of f. The zonotope (53) to (55) encloses row by row, "
-            "so it stands; the "
-            "pendulum's f has one row",
+            "with a point of its own for every row of f. The zonotope (53) to (55) encloses row by "
+            "row, so it stands; the pendulum's f has one row",
         ),
         Claim(
             "Interval paper, 2.1, (4), and its appendix",

@@ -210,8 +210,8 @@ def claims(trials: list[Sets]) -> list[Claim]:
             "Beyond the interval paper",
             "One interval matrix, and a box contracted with the measurements, are tighter still",
             "",
-            f"full width x1/x2: predicted {_pair(mean, TIGHT)}, with y(k) {_pair(mean, FILTERED)}, paper "
-            f"{_pair(mean, PAPER)}",
+            f"full width x1/x2: predicted {_pair(mean, TIGHT)}, with y(k) {_pair(mean, FILTERED)}, "
+            f"paper {_pair(mean, PAPER)}",
             holds_if(bool((mean[TIGHT] < mean[PAPER]).all())),
             "our own method, guaranteed under the same assumptions",
         ),
@@ -252,7 +252,8 @@ def _design_claims() -> list[Claim]:
             f"vertex inequality at λ = 0.5: {exact.mu_w:.4f}; λ = {best.lam:.3f}: {best.mu_w:.3f}",
             "holds with …" if best.mu_w < exact.mu_w < g.mu_w else "holds",
             "minimal for its own sufficient condition and λ = 0.5; the exact vertex inequality is "
-            f"{100 * (1 - exact.mu_w / g.mu_w):.1f} % lower, the best λ {100 * (1 - best.mu_w / g.mu_w):.0f} %",
+            f"{100 * (1 - exact.mu_w / g.mu_w):.1f} % lower, the best λ "
+            f"{100 * (1 - best.mu_w / g.mu_w):.0f} %",
         ),
     ]
 
@@ -272,11 +273,13 @@ def _initial_claims() -> list[Claim]:
             SOURCE,
             "φ0 is the value of (44) at k = 0",
             "φ0 = 1.15",
-            f"V0 of the radius vector (0.1, 1): {radius:.4f}, φ0 = {phi:.4g}; with D2 v̄ for v̄: {scaled:.4g}",
+            f"V0 of the radius vector (0.1, 1): {radius:.4f}, φ0 = {phi:.4g}; with D2 v̄ for v̄: "
+            f"{scaled:.4g}",
             "holds with …"
             if abs(scaled - PRINTED_PHI) < 0.01
             else holds_if(abs(phi - PRINTED_PHI) < 0.01),
-            "with V0 of the radius vector and the noise bound taken after D2, cut after two decimals",
+            "with V0 of the radius vector and the noise bound taken after D2, cut after two "
+            "decimals",
         ),
         Claim(
             SOURCE,
@@ -284,8 +287,8 @@ def _initial_claims() -> list[Claim]:
             "φ0 = 1.15",
             f"φ0 = {sound:.4f} (V0 = {V0:.4f} at (0.1, -1))",
             holds_if(sound <= PRINTED_PHI),
-            f"V0 must be the worst over the box. With 1.15, {100 * left:.0f} % of runs from the worst vertex leave the "
-            "bound that is called guaranteed",
+            f"V0 must be the worst over the box. With 1.15, {100 * left:.0f} % of runs from the "
+            "worst vertex leave the bound that is called guaranteed",
         ),
     ]
 
@@ -317,8 +320,8 @@ def _figure_1(trials: list[Sets], mean: Mapping[str, Array]) -> list[Claim]:
             f"{SOURCE}, Fig. 1",
             "Zonotopes give tighter intervals than the bounded error in the long run",
             "",
-            f"full width x1/x2: zonotope {_pair(mean, ZONOTOPE)}, ball {_pair(mean, BALL)}, ellipsoid "
-            f"{_pair(mean, ELLIPSOID)}",
+            f"full width x1/x2: zonotope {_pair(mean, ZONOTOPE)}, ball {_pair(mean, BALL)}, "
+            f"ellipsoid {_pair(mean, ELLIPSOID)}",
             holds_if(bool((mean[ZONOTOPE] < mean[BALL]).all())),
             "mean over steps 51 to 100. The ellipsoid's box, from the same P, is "
             f"{mean[BALL][0] / mean[ELLIPSOID][0]:.0f} times tighter than the ball on x1",
@@ -327,12 +330,14 @@ def _figure_1(trials: list[Sets], mean: Mapping[str, Array]) -> list[Claim]:
             f"{SOURCE}, Fig. 1",
             "The bounded error converges faster on x2",
             "",
-            f"half width of x2 at k = 1/2/3: zonotope {early(ZONOTOPE)}, ball {early(BALL)}, with the printed φ0 "
-            f"{early(PRINTED_BALL)}; tighter at {first[BALL]} and {first[PRINTED_BALL]} of the first 10 samples",
+            f"half width of x2 at k = 1/2/3: zonotope {early(ZONOTOPE)}, ball {early(BALL)}, with "
+            f"the printed φ0 {early(PRINTED_BALL)}; tighter at {first[BALL]} and "
+            f"{first[PRINTED_BALL]} of the first 10 samples",
             holds_if(True)
             if first[BALL]
             else ("holds with …" if first[PRINTED_BALL] else "does not hold"),
-            "with the unsound φ0 = 1.15 alone, as printed; with the sound one the zonotope is never looser on x2",
+            "with the unsound φ0 = 1.15 alone, as printed; with the sound one the zonotope is "
+            "never looser on x2",
         ),
     ]
 
@@ -369,23 +374,22 @@ def _figure_2(trials: list[Sets], mean: Mapping[str, Array]) -> list[Claim]:
             f"{SOURCE}, Fig. 2",
             "More precise than the interval observer of Tahir & Açıkmeşe",
             "",
-            f"full width x1/x2: (59) {_pair(mean, PAPER)}, mixed-monotone {_pair(mean, TAHIR)}, in the system's own "
-            f"coordinates no gain bounds its widths; tight over mixed-monotone {mean[TIGHT][0] / mean[TAHIR][0]:.2f}/"
-            f"{mean[TIGHT][1] / mean[TAHIR][1]:.2f}",
+            f"full width x1/x2: (59) {_pair(mean, PAPER)}, mixed-monotone {_pair(mean, TAHIR)}, in "
+            "the system's own coordinates no gain bounds its widths; tight over mixed-monotone "
+            f"{mean[TIGHT][0] / mean[TAHIR][0]:.2f}/{mean[TIGHT][1] / mean[TAHIR][1]:.2f}",
             holds_if(tighter),
-            "against a reconstruction (two cases, as in arXiv 2011.04093): their paper was not at hand. "
-            "Mean over steps 51 to "
-            "100",
+            "against a reconstruction (two cases, as in arXiv 2011.04093): their paper was not at "
+            "hand. Mean over steps 51 to 100",
         ),
         Claim(
             f"{SOURCE}, Fig. 2",
             "Quicker convergence than the interval observer of Tahir & Açıkmeşe",
             "",
             f"full width of x2 at k = 1/2/3: (59) {_three(paper)}, with the printed φ0 "
-            f"{_three(with_printed)}, mixed-monotone "
-            f"{_three(rival)}",
+            f"{_three(with_printed)}, mixed-monotone {_three(rival)}",
             "holds" if quicker else ("holds with …" if unsound else "does not hold"),
-            "with the unsound φ0 = 1.15 alone. Criterion: tighter at the first sample of x2, against a reconstruction",
+            "with the unsound φ0 = 1.15 alone. Criterion: tighter at the first sample of x2, "
+            "against a reconstruction",
         ),
     ]
 

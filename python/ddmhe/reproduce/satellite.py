@@ -156,10 +156,13 @@ def claims(clean: Trials, noisy: Trials) -> list[Claim]:
     kmhe, kmhe_words = diverges(KMHE)
     eskf, eskf_words = diverges(ESKF)
     _, tuned_words = diverges(TUNED_KMHE)
-    measure = "criterion: more than half of the seeds are off by over half of the initial rate in the last 20 of 180 s"
+    measure = (
+        "criterion: more than half of the seeds are off by over half of the initial rate in the "
+        "last 20 of 180 s"
+    )
     recordings = (
-        f"clean recording: neither rate nor torque has noise; noisy: {RECORDED[1]:g} rad/s and {JUDGED:g} N·m; "
-        f"{JUDGED:g} N·m online; {over}"
+        f"clean recording: neither rate nor torque has noise; noisy: {RECORDED[1]:g} rad/s and "
+        f"{JUDGED:g} N·m; {JUDGED:g} N·m online; {over}"
     )
     return [
         Claim(
@@ -168,8 +171,8 @@ def claims(clean: Trials, noisy: Trials) -> list[Claim]:
             "",
             curves(MHE) + cases(well),
             verdict(well),
-            f"criterion: RMSE below 10 % of the initial {initial:.3g} deg/s, on both recordings and over every span. "
-            f"Three directions kept. {recordings}",
+            f"criterion: RMSE below 10 % of the initial {initial:.3g} deg/s, on both recordings "
+            f"and over every span. Three directions kept. {recordings}",
         ),
         Claim(
             "IV-B, Fig. 8",
@@ -180,7 +183,8 @@ def claims(clean: Trials, noisy: Trials) -> list[Claim]:
             + " deg/s"
             + cases(stable),
             verdict(stable),
-            "criterion: no seed above half of the initial rate, on both recordings, over 100 and 180 s",
+            "criterion: no seed above half of the initial rate, on both recordings, over 100 and "
+            "180 s",
         ),
         Claim(
             "IV-B, Fig. 8",
@@ -188,7 +192,8 @@ def claims(clean: Trials, noisy: Trials) -> list[Claim]:
             "",
             kmhe_words + cases(kmhe),
             verdict(kmhe),
-            f"{measure}; centres drawn anew for every seed. With M = 30, ρ = 0.95, μ = 0.01: {tuned_words}",
+            f"{measure}; centres drawn anew for every seed. With M = 30, ρ = 0.95, μ = 0.01: "
+            f"{tuned_words}",
         ),
         Claim(
             "IV-B, Fig. 8",
@@ -207,7 +212,8 @@ def claims(clean: Trials, noisy: Trials) -> list[Claim]:
                 f"{case} {name} ({error:.2g} deg/s)" for case, (error, name) in best.items()
             ),
             verdict(needs),
-            "criterion: a Dd-MHE is the most accurate data-driven estimator, on both recordings, over 100 and 180 s",
+            "criterion: a Dd-MHE is the most accurate data-driven estimator, on both recordings, "
+            "over 100 and 180 s",
         ),
         Claim(
             "V, with Fig. 8",

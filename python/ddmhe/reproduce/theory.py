@@ -237,7 +237,8 @@ def _lemma_1() -> Claim:
         "",
         f'largest relative misfit over 200 random systems: "only if" {only_if:.1e}, "if" {if_:.1e}',
         holds_if(max(only_if, if_) < 1e-8),
-        "criterion: 1e-8. It speaks of noise-free data of an affine system; (16) uses it for neither",
+        "criterion: 1e-8. It speaks of noise-free data of an affine system; (16) uses it for "
+        "neither",
     )
 
 
@@ -253,33 +254,32 @@ def _proposition_1(clean: History) -> list[Claim]:
             "III-B, Proposition 1",
             "For every observable (A, C) some ρ in (0, 1) and μ > 0 satisfy (19)",
             "",
-            "A = [[1, 1], [0, 1]], C = [1, 0], ρ = 0.999, μ = 1e9: smallest eigenvalue of right minus "
-            f"left {double:.3g}",
+            "A = [[1, 1], [0, 1]], C = [1, 0], ρ = 0.999, μ = 1e9: smallest eigenvalue of right "
+            f"minus left {double:.3g}",
             holds_if(double >= 0),
-            "observability does not give a contraction in one step in the Euclidean norm: x_Δ = (0, 1) has y_Δ = 0 and "
-            "‖x_Δ(t+1)‖² = 2. It holds where C has rank n, and in a weighted norm for every observable pair",
+            "observability does not give a contraction in one step in the Euclidean norm: x_Δ = "
+            "(0, 1) has y_Δ = 0 and ‖x_Δ(t+1)‖² = 2. It holds where C has rank n, and in a "
+            "weighted norm for every observable pair",
         ),
         Claim(
             "III-B, (23), (24)",
             "(24) makes (19) hold",
             "6 λmax(LᵀL) ≤ μ",
             "A = 0.9, C = 100, L = -0.009, ρ = 0.1 satisfy (24) with μ = 1e-3: smallest eigenvalue "
-            f"{short:.3g}; with μ = 6: "
-            f"{enough:.3g}",
+            f"{short:.3g}; with μ = 6: {enough:.3g}",
             "holds with …" if short < 0 <= enough else holds_if(short >= 0),
-            "with 6 ≤ μ, which (23) uses for ‖e_Δ‖² and ‖w_Δ‖² and (24) leaves out: no gain multiplies them",
+            "with 6 ≤ μ, which (23) uses for ‖e_Δ‖² and ‖w_Δ‖² and (24) leaves out: no gain "
+            "multiplies them",
         ),
         Claim(
             "III-B, after (24)",
             "ρ can be set as any small value, at the price of a larger μ",
             "",
-            f"3-DOF: ρ ≥ {bound:.4g} for every gain; A = [[1, 10], [0, 1]], C = 1000 I: ρ → 0 with μ = "
-            "6e-6 λmax(AAᵀ) = "
-            f"{6e-6 * np.linalg.norm(Example.standard().A, 2) ** 2:.2g}",
+            f"3-DOF: ρ ≥ {bound:.4g} for every gain; A = [[1, 10], [0, 1]], C = 1000 I: ρ → 0 with "
+            f"μ = 6e-6 λmax(AAᵀ) = {6e-6 * np.linalg.norm(Example.standard().A, 2) ** 2:.2g}",
             "holds with …" if bound > 0 else "holds",
-            "with C of rank n. On the kernel of C no gain acts, so ρ ≥ 6 max ‖A b‖² over unit b with C b "
-            "= 0; and where C "
-            "has rank n, L = -A C⁺ gives ρ = 0 at a bounded μ",
+            "with C of rank n. On the kernel of C no gain acts, so ρ ≥ 6 max ‖A b‖² over unit b "
+            "with C b = 0; and where C has rank n, L = -A C⁺ gives ρ = 0 at a bounded μ",
         ),
     ]
 
@@ -301,9 +301,8 @@ def _theorems(clean: History) -> list[Claim]:
             "",
             f"{words}: J* = {cost:.3g} at t = 6 where J(x(3), 0) = 0",
             holds_if(cost <= 1e-9),
-            "taking each w off its own state leaves no trajectory: the next state still carries A w. "
-            "Feasible for w = 0 or "
-            "M = 1 only",
+            "taking each w off its own state leaves no trajectory: the next state still carries A "
+            "w. Feasible for w = 0 or M = 1 only",
         ),
         Claim(
             "III-B, Theorem 1, (25)",
@@ -311,15 +310,16 @@ def _theorems(clean: History) -> list[Claim]:
             "",
             f"{words}: error {error:.3g} at t = 6 where (25) allows {one:.2g}",
             holds_if(error <= one),
-            "a consequence of (31); (24), Assumptions 1 and 2 and 6 ≤ μ are satisfied. For μ < 6 there "
-            "is a second reason: "
-            "w(t-1) is in no output up to t-1, so it counts fully, not times √μ",
+            "a consequence of (31); (24), Assumptions 1 and 2 and 6 ≤ μ are satisfied. For μ < 6 "
+            "there is a second reason: w(t-1) is in no output up to t-1, so it counts fully, not "
+            "times √μ",
         ),
         Claim(
             "III-B, Theorem 2, (34)",
             "The error never exceeds (34)",
             "",
-            f"{words}: error {error:.3g} at t = 6 where (34) allows {two:.2g}, κ = (4ρ^M)^(1/M) per step",
+            f"{words}: error {error:.3g} at t = 6 where (34) allows {two:.2g}, κ = (4ρ^M)^(1/M) "
+            "per step",
             holds_if(error <= two),
             "follows from (25); 4ρ^M = 5e-4 < 1. Certificate.error_bound is corrected",
         ),
@@ -327,22 +327,23 @@ def _theorems(clean: History) -> list[Claim]:
             "III-B, Theorem 2 with IV-B",
             "The error of the 3-DOF case is stable",
             "",
-            f"weighted certificate: η = 0.95, cond P = {certificate.condition:.3g}, horizon {certificate.horizon}",
+            f"weighted certificate: η = 0.95, cond P = {certificate.condition:.3g}, horizon "
+            f"{certificate.horizon}",
             "holds with …" if certificate.residual <= 0 else "does not hold",
-            "not by (24), which is impossible there, but with weights P, Q, R (Schiller et al. 2023)",
+            "not by (24), which is impossible there, but with weights P, Q, R (Schiller et al. "
+            "2023)",
         ),
         Claim(
             "I, (5) with IV-B",
             "By local linear approximation the stability covers the nonlinear system",
             "",
-            f"{spans} s after the history: ‖w‖ up to {'/'.join(f'{w:.2g}' for _, w, _, _ in rows)} deg/s "
-            "a step, ‖v‖ up "
-            f"to {max(v for _, _, v, _ in rows):.1g} N·m; (34) then allows "
+            f"{spans} s after the history: ‖w‖ up to {'/'.join(f'{w:.2g}' for _, w, _, _ in rows)} "
+            f"deg/s a step, ‖v‖ up to {max(v for _, _, v, _ in rows):.1g} N·m; (34) then allows "
             f"{'/'.join(f'{allowed:.3g}' for *_, allowed in rows)} deg/s{cases(covered)}",
             verdict(covered),
-            f"criterion: what (34) allows stays below the initial {initial:.3g} deg/s. Linearised at the "
-            "last recorded state, "
-            "printed ρ, μ and M, as if (24) held; the torque is linear in the rate, so v is rounding",
+            f"criterion: what (34) allows stays below the initial {initial:.3g} deg/s. Linearised "
+            "at the last recorded state, printed ρ, μ and M, as if (24) held; the torque is linear "
+            "in the rate, so v is rounding",
         ),
     ]
 
@@ -354,7 +355,8 @@ def _lemma_3() -> Claim:
         "A-B1, Lemma 3, (48)",
         "Poles in the region if and only if (48) ≻ 0 for some X ≻ 0",
         "≻ 0",
-        f"poles 0.5, -0.3 in the disc of radius 0.9, X = I: eigenvalues of (48) from {low:.2g} to {high:.2g}",
+        f"poles 0.5, -0.3 in the disc of radius 0.9, X = I: eigenvalues of (48) from {low:.2g} to "
+        f"{high:.2g}",
         "holds with …" if high < 0 else holds_if(low > 0),
         "with ≺ 0, as (47) and (49) have it: the block -r X on the diagonal is never positive",
     )
