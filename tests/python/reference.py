@@ -68,6 +68,49 @@ def hankel(signal, depth):
     return np.array([signal[k : k + depth].ravel() for k in range(len(signal) - depth + 1)]).T
 
 
+def printed_bounds(H_x, H_y, y, M, x_bounds, v_bounds):
+    """(16c) and (16d) with v = y - H_y alpha as rows @ alpha <= limits."""
+    N = H_x.shape[1]
+    rows, limits = [np.zeros((0, N))], [np.zeros(0)]
+    if x_bounds is not None:
+        rows += [-H_x, H_x]
+        limits += [-np.tile(x_bounds[0], M + 1), np.tile(x_bounds[1], M + 1)]
+    if v_bounds is not None:
+        rows += [H_y, -H_y]
+        limits += [y - np.tile(v_bounds[0], M), np.tile(v_bounds[1], M) - y]
+    return np.vstack(rows), np.concatenate(limits)
+
+
+def least_cost(D, d, rows, limits):
+    """The shortest alpha of least ‖D alpha - d‖ among those with rows @ alpha = limits and
+    1ᵀalpha = 1."""
+    fixed = np.vstack([rows, np.ones((1, D.shape[1]))])
+    alpha = np.linalg.lstsq(fixed, np.append(limits, 1.0), rcond=1e-11)[0]
+    _, sigma, Vt = np.linalg.svd(fixed)
+    Z = Vt[(sigma > 1e-11 * sigma[0]).sum() :].T
+    U, sigma, Vt = np.linalg.svd(D @ Z, full_matrices=False)
+    # not relative to D Z: the active rows may leave it nothing but rounding
+    kept = sigma > 1e-11 * np.linalg.norm(D)
+    return alpha + Z @ (Vt[kept].T @ (U[:, kept].T @ (d - D @ alpha) / sigma[kept]))
+
+
+def prove_optimal(D, d, rows, alpha, shortest):
+    """Multipliers >= 0 of the active rows balance the cost's gradient, that of 1ᵀalpha = 1 is free;
+    with `shortest` they do so for ‖alpha‖ among the minimisers, too."""
+    gradient = 2 * D.T @ (D @ alpha - d)
+    ones = np.ones(len(alpha))
+    normals = np.column_stack([rows.T, ones, -ones])
+    scale = max(np.abs(gradient).max(), np.abs(2 * D.T @ d).max() * 1e-6, 1e-9)
+    _, unbalanced = scipy.optimize.nnls(normals, -gradient / scale)
+    assert unbalanced < 1e-6
+    if shortest:
+        others = np.column_stack([D.T, -D.T]) / np.linalg.norm(D)  # given: multipliers of any sign
+        _, unbalanced = scipy.optimize.nnls(
+            np.column_stack([normals, others]), -alpha / np.linalg.norm(alpha)
+        )
+        assert unbalanced < 1e-7
+
+
 def verbatim(
     x_hist, y_hist, y_window, prior, rho, mu, x_bounds=None, v_bounds=None, *, near, near_v=None
 ):
@@ -82,17 +125,7 @@ def verbatim(
     M, n, p = len(y_window), x_hist.shape[1], y_hist.shape[1]
     H_y, H_x = hankel(y_hist, M), hankel(x_hist, M + 1)
     N, y = H_y.shape[1], y_window.ravel()
-    rows, limits = (
-        [np.zeros((0, N))],
-        [np.zeros(0)],
-    )  # rows @ alpha <= limits: (16c), (16d) with v = y - H_y alpha
-    if x_bounds is not None:
-        rows += [-H_x, H_x]
-        limits += [-np.tile(x_bounds[0], M + 1), np.tile(x_bounds[1], M + 1)]
-    if v_bounds is not None:
-        rows += [H_y, -H_y]
-        limits += [y - np.tile(v_bounds[0], M), np.tile(v_bounds[1], M) - y]
-    rows, limits = np.vstack(rows), np.concatenate(limits)
+    rows, limits = printed_bounds(H_x, H_y, y, M, x_bounds, v_bounds)
     discount = np.repeat(np.sqrt(rho ** np.arange(M - 1, -1, -1.0)), p)
     D = np.vstack([np.sqrt(2 * rho**M) * H_x[:n], np.sqrt(mu) * discount[:, None] * H_y])
     d = np.concatenate(
@@ -104,31 +137,10 @@ def verbatim(
         shown, seen = [*shown, H_y], [*seen, y - near_v.ravel()]
     guess = np.linalg.lstsq(np.vstack(shown), np.concatenate(seen), rcond=1e-11)[0]
     active = limits - rows @ guess < 1e-7
-    fixed = np.vstack([rows[active], np.ones((1, N))])
-    alpha = np.linalg.lstsq(fixed, np.append(limits[active], 1.0), rcond=1e-11)[0]
-    _, sigma, Vt = np.linalg.svd(fixed)
-    Z = Vt[(sigma > 1e-11 * sigma[0]).sum() :].T
-    U, sigma, Vt = np.linalg.svd(D @ Z, full_matrices=False)
-    kept = sigma > 1e-11 * np.linalg.norm(
-        D
-    )  # not relative to D Z: the active rows may leave it nothing but rounding
-    alpha = alpha + Z @ (Vt[kept].T @ (U[:, kept].T @ (d - D @ alpha) / sigma[kept]))
-
+    alpha = least_cost(D, d, rows[active], limits[active])
     assert (rows @ alpha <= limits + 1e-8).all()
     assert abs(alpha.sum() - 1) < 1e-10
-    gradient = 2 * D.T @ (D @ alpha - d)
-    normals = np.column_stack(
-        [rows[active].T, np.ones(N), -np.ones(N)]
-    )  # multipliers >= 0; that of 1ᵀα = 1 is free
-    scale = max(np.abs(gradient).max(), np.abs(2 * D.T @ d).max() * 1e-6, 1e-9)
-    _, unbalanced = scipy.optimize.nnls(normals, -gradient / scale)
-    assert unbalanced < 1e-6
-    if near_v is not None:
-        others = np.column_stack([D.T, -D.T]) / np.linalg.norm(D)  # given: multipliers of any sign
-        _, unbalanced = scipy.optimize.nnls(
-            np.column_stack([normals, others]), -alpha / np.linalg.norm(alpha)
-        )
-        assert unbalanced < 1e-7
+    prove_optimal(D, d, rows[active], alpha, shortest=near_v is not None)
     return (
         (H_x @ alpha).reshape(M + 1, n),
         (y - H_y @ alpha).reshape(M, p),
@@ -187,3 +199,9 @@ def recursive_least_squares(system, y, prior, rho, mu):
         power, offset = system.A @ power, system.A @ offset + system.e
         estimates.append(power @ theta + offset)
     return np.array(estimates)
+
+
+def largest_eigenvalue(c, A, C):
+    """Of a certificate's inequality (L) for the system (A, C)."""
+    top = np.hstack([A.T @ c.P @ A - c.eta * c.P - C.T @ c.R @ C, A.T @ c.P])
+    return np.linalg.eigvalsh(np.vstack([top, np.hstack([c.P @ A, c.P - c.Q])]))[-1]

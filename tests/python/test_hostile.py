@@ -176,6 +176,25 @@ def hostile(rng, shape, scale):
     return values
 
 
+def hostile_settings(rng, scale):
+    """Settings of every kind; `scale` is that of the states."""
+    sides = sorted(10.0 ** rng.uniform(-2, 2) * scale for _ in range(2))
+    return {
+        "horizon": int(rng.integers(1, 12)),
+        "x_bounds": [None, (-sides[1], sides[1]), (sides[0], sides[1]), (-HUGE, HUGE)][
+            rng.integers(4)
+        ],
+        "v_bounds": [None, (-0.1, 0.1), (-HUGE, 1e-300)][rng.integers(3)],
+        "x_center": [None, None, "history"][rng.integers(3)],
+        "mu": [None, None, 10.0 ** rng.uniform(-200, 200)][rng.integers(3)],
+        "rho": [None, None, 1e-200, 1 - 1e-16][rng.integers(4)],
+        "space": ["auto", ddmhe.Exact(), ddmhe.Truncated(), ddmhe.Ridge(1e-3 * scale**2)][
+            rng.integers(4)
+        ],
+        "warm_start": bool(rng.integers(2)),
+    }
+
+
 def test_no_data_make_it_panic_or_lie():
     """Whatever comes: an error that is ours, or numbers; and after M sane samples it is optimal
     again."""
@@ -190,21 +209,7 @@ def test_no_data_make_it_panic_or_lie():
         system = random_system(rng, int(n), int(p))
         x, y = system.simulate(rng.standard_normal(n), 60)
         x, y = scale * x, y + 0.01 * rng.standard_normal(y.shape)
-        sides = sorted(10.0 ** rng.uniform(-2, 2) * scale for _ in range(2))
-        settings = {
-            "horizon": int(rng.integers(1, 12)),
-            "x_bounds": [None, (-sides[1], sides[1]), (sides[0], sides[1]), (-HUGE, HUGE)][
-                rng.integers(4)
-            ],
-            "v_bounds": [None, (-0.1, 0.1), (-HUGE, 1e-300)][rng.integers(3)],
-            "x_center": [None, None, "history"][rng.integers(3)],
-            "mu": [None, None, 10.0 ** rng.uniform(-200, 200)][rng.integers(3)],
-            "rho": [None, None, 1e-200, 1 - 1e-16][rng.integers(4)],
-            "space": ["auto", ddmhe.Exact(), ddmhe.Truncated(), ddmhe.Ridge(1e-3 * scale**2)][
-                rng.integers(4)
-            ],
-            "warm_start": bool(rng.integers(2)),
-        }
+        settings = hostile_settings(rng, scale)
         try:
             est = ddmhe.DdMhe(ddmhe.History(x, y), **settings)
         except ddmhe.DdmheError:

@@ -158,7 +158,7 @@ fn the_pendulum_stays_inside_and_lost_samples_only_widen() {
         (Method::Tight, Reduction::Pca),
     ] {
         let mut rng = ChaCha8Rng::seed_from_u64(2);
-        for trial in 0..300 {
+        for trial in 0..if cfg!(debug_assertions) { 100 } else { 300 } {
             let mut observer = pendulum(method, reduction);
             let mut x =
                 [0.98 + 0.1 * rng.random_range(-1.0..1.0), 0.02 + rng.random_range(-1.0..1.0)];
