@@ -966,7 +966,9 @@ mod tests {
     fn warm_or_cold_it_gives_the_interior_point_s_answer() {
         let mut rng = ChaCha8Rng::seed_from_u64(0);
         let (mut optimal, mut infeasible, mut left, mut kept, mut refuted) = (0, 0, 0, 0, 0);
-        for k in 0..25_000 {
+        // a fifth without optimisation, which takes seven times as long
+        let share = if cfg!(debug_assertions) { 5 } else { 1 };
+        for k in 0..25_000 / share {
             let (A, mut inside, closest) = random_problem(&mut rng);
             let mut warm = Solver::new(&A);
             for _ in 0..4 {
@@ -1008,10 +1010,10 @@ mod tests {
         }
         // it must do nearly all of the work, from kept bounds as well, and see contradictions
         assert!(
-            optimal > 180_000 && infeasible > 10_000 && kept > 50_000,
+            share * optimal > 180_000 && share * infeasible > 10_000 && share * kept > 50_000,
             "{optimal} {infeasible} {kept}"
         );
-        assert!(left < 2000 && refuted < 5, "{left} {refuted}");
+        assert!(share * left < 2000 && refuted < 5, "{left} {refuted}");
     }
 
     #[test]

@@ -554,7 +554,9 @@ mod tests {
     fn every_status_is_true() {
         let mut rng = ChaCha8Rng::seed_from_u64(0);
         let mut counts = BTreeMap::<(String, bool, &str), usize>::new();
-        for k in 0..20_000 {
+        // a fifth without optimisation, which takes seven times as long
+        let share = if cfg!(debug_assertions) { 5 } else { 1 };
+        for k in 0..20_000 / share {
             let p = hostile(&mut rng);
             let (status, quick, z, w) = solve(&p);
             let kind = if p.excess > 0.0 { "contradicting" } else { "feasible" };
@@ -606,7 +608,8 @@ mod tests {
         // nearly all of them are decided, and only what is nearly dependent needs the way out
         assert!(of("feasible", "failed") < 28 && of("contradicting", "failed") < 12, "{counts:?}");
         assert!(
-            of("feasible", "optimal") > 13_000 && of("contradicting", "infeasible") > 5_500,
+            share * of("feasible", "optimal") > 13_000
+                && share * of("contradicting", "infeasible") > 5_500,
             "{counts:?}"
         );
     }
