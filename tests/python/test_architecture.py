@@ -43,6 +43,19 @@ def python_imports():
     return found
 
 
+def imported_at_once(module):
+    """Whole libraries that a module of the package loads when it is imported."""
+    path = ROOT / "python" / Path(*module.split("."))
+    path = path / "__init__.py" if path.is_dir() else path.with_suffix(".py")
+    found = set()
+    for node in ast.parse(path.read_text()).body:
+        if isinstance(node, ast.Import):
+            found |= {alias.name.partition(".")[0] for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            found.add(str(node.module).partition(".")[0])
+    return found
+
+
 def rust_imports(crate):
     """Files of a crate by the files that they import, tests and links in comments left out."""
     src = crate / "src"
@@ -75,6 +88,22 @@ def test_python_imports_have_no_circle():
     found = python_imports()
     assert len(found) > 30
     assert circle(found) is None
+
+
+@pytest.mark.parametrize(
+    ("library", "places"),
+    [
+        ("cvxpy", ()),
+        ("matplotlib", ("ddmhe.report.style", "ddmhe.report.figures.", "ddmhe.reproduce.figures")),
+    ],
+)
+def test_slow_libraries_are_loaded_where_they_are_used(library, places):
+    """cvxpy inside of functions, matplotlib by the modules of figures, and these by nobody else at
+    once."""
+    found = python_imports()
+    at_once = {module for module in found if library in imported_at_once(module)}
+    assert {module for module in at_once if not module.startswith(places or "-")} == set()
+    assert bool(at_once) == bool(places)
 
 
 @pytest.mark.parametrize("crate", CRATES, ids=lambda crate: crate.name)

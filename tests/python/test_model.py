@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import ddmhe
+from ddmhe._core import noise_levels
 from ddmhe.design import identify
 from ddmhe.design.model import is_observable
 from reference import Affine, random_system
@@ -94,3 +95,23 @@ def test_errors_name_the_argument():
         identify(ddmhe.History(x[:3], y[:2]))
     with pytest.raises(ddmhe.DdmheError, match="method: expected one of least squares"):
         identify(ddmhe.History(x, y), "magic")
+
+
+def test_noise_levels_are_those_of_fifth_differences():
+    """Of several recordings together, against NumPy's differences; 0 where five samples are all."""
+    rng = np.random.default_rng(5)
+    parts = []
+    for T in (40, 70):
+        t = 0.1 * np.arange(T + 1)
+        noise = [0.01, 0.2] * rng.standard_normal((T + 1, 2))
+        x = np.column_stack([np.sin(t), 3 * np.cos(t)]) + noise
+        parts.append((x, 0.05 * rng.standard_normal((T, 1))))
+    history = ddmhe.History.concat([ddmhe.History(x, y) for x, y in parts])
+    for found, signals in zip(noise_levels(history), zip(*parts, strict=True), strict=True):
+        differences = np.concatenate([np.diff(s, 5, axis=0) for s in signals])
+        expected = np.sqrt(np.mean(differences**2, axis=0) / 252)
+        np.testing.assert_allclose(found, expected, rtol=1e-12)
+    np.testing.assert_allclose(noise_levels(history)[0], [0.01, 0.2], rtol=0.4)
+    x, y = parts[0]
+    short = noise_levels(ddmhe.History(x[:5], y[:4]))
+    assert [level.tolist() for level in short] == [[0.0, 0.0], [0.0]]

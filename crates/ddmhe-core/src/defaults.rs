@@ -39,7 +39,7 @@ const FLOOR: f64 = 1e-7;
 /// μ in scaled units.
 const MU: f64 = 0.1;
 /// Discount ρ.
-const RHO: f64 = 0.95;
+pub const RHO: f64 = 0.95;
 /// Horizon for a recording without hidden states, and the share of T for one that is all hidden.
 const HORIZON: (usize, f64) = (20, 0.6);
 /// Longest default horizon: construction grows with its third power.

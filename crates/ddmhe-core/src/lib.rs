@@ -128,5 +128,6 @@ pub use mhe::DdMhe;
 pub use observer::{IntervalEstimate, IntervalObserver};
 pub use space::{Scaling, Space, TrajectorySpace};
 pub use status::Status;
+pub use variation::noise_levels;
 pub use watch::wrapped_angle;
 pub use zonotope::{Reduction, Zonotope};

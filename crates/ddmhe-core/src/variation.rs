@@ -56,6 +56,15 @@ fn centred(mut M: Mat<f64>) -> Mat<f64> {
     M
 }
 
+/// Standard deviations of the white noise on each channel of x (n) and of y (p), in their units, from
+/// fifth differences; 0 where no recording has more than five samples.
+pub fn noise_levels(history: &History) -> (Vec<f64>, Vec<f64>) {
+    let level = |signal: fn(&History, usize) -> &[f64], width: usize| {
+        (0..width).map(|i| fifth_differences(history, signal, (i, width)).sqrt()).collect()
+    };
+    (level(History::states, history.n()), level(History::outputs, history.p()))
+}
+
 /// Variance of the noise on one channel of a signal, (its number, how many there are): Δ⁵ of white
 /// noise of variance σ² has variance (1 + 25 + 100 + 100 + 25 + 1) σ² = 252 σ², and Δ⁵ of a smooth
 /// signal is next to nothing. 0 where no recording is long enough.

@@ -264,6 +264,17 @@ impl RankReport {
     }
 }
 
+/// Standard deviations of the white noise on each channel of x (n,) and y (p,), in their units, from
+/// fifth differences; 0 where no recording has more than five samples.
+#[pyfunction]
+pub fn noise_levels<'py>(
+    py: Python<'py>,
+    history: &History,
+) -> (Bound<'py, PyArray1<f64>>, Bound<'py, PyArray1<f64>>) {
+    let (x, y) = ddmhe_core::noise_levels(&history.core);
+    (array1(py, &x), array1(py, &y))
+}
+
 /// The full turn (2 pi or 360) that an angle (N,) is wrapped by and the first row after a jump, or
 /// None; NaN where it was not measured.
 #[pyfunction]

@@ -30,7 +30,7 @@ mod _core {
     #[pymodule_export]
     use crate::estimate::Estimate;
     #[pymodule_export]
-    use crate::history::{History, RankReport, wrapped_angle};
+    use crate::history::{History, RankReport, noise_levels, wrapped_angle};
     #[pymodule_export]
     use crate::interval::{Bounds, IntervalLog, ObserverCore, Zonotope, interval_operation};
     #[pymodule_export]
@@ -45,4 +45,11 @@ mod _core {
     use crate::spaces::{Exact, Ridge, Truncated};
     #[pymodule_export]
     use crate::validation::validate;
+
+    /// Discount ρ of the default rule.
+    #[pymodule_export]
+    const DEFAULT_RHO: f64 = ddmhe_core::defaults::RHO;
+    /// Spectral radius of the map from prior to estimate above which an estimator is unstable.
+    #[pymodule_export]
+    const SPECTRAL_RADIUS: f64 = ddmhe_core::tol::SPECTRAL_RADIUS;
 }

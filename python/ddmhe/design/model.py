@@ -10,7 +10,7 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
-from ddmhe._core import History, RankError
+from ddmhe._core import History, RankError, noise_levels
 from ddmhe.checks import array, check_finite, check_history, check_whole, choice
 
 if TYPE_CHECKING:
@@ -21,9 +21,6 @@ Method = Literal["least squares", "total least squares"]
 
 __all__ = ["AffineModel", "identify", "is_observable", "samples"]
 
-DIFFERENCE = np.array([-1.0, 5.0, -10.0, 10.0, -5.0, 1.0])
-"""Fifth difference: of white noise of variance s² it has variance 252 s², of a smooth signal next
-to nothing."""
 MOST_STEPS = 10_000_000
 """Simulated steps that fit into memory."""
 PBH = 1e-9
@@ -178,23 +175,6 @@ def unobservable_modes(A: Array, C: Array) -> NDArray[np.complex128]:
         for z in values
     ]
     return np.asarray(values[np.array(lost, dtype=bool)], dtype=np.complex128)
-
-
-def noise_levels(history: History) -> tuple[Array, Array]:
-    """Standard deviations of the white noise on each channel of x (n,) and y (p,), from fifth
-    differences."""
-
-    def level(signals: list[Array]) -> Array:
-        differences = [
-            np.apply_along_axis(np.convolve, 0, s, DIFFERENCE, "valid")
-            for s in signals
-            if len(s) > 5
-        ]
-        if not differences:
-            return np.zeros(signals[0].shape[1])
-        return np.asarray(np.sqrt(np.mean(np.concatenate(differences) ** 2, axis=0) / 252.0))
-
-    return level([x for x, _ in history.recordings]), level([y for _, y in history.recordings])
 
 
 def _check_span(X: Array, magnitude: Array) -> None:

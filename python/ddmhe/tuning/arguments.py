@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ddmhe._core import DdmheError, History, ShapeError, numbers
+from ddmhe._core import DdmheError, History, ShapeError, noise_levels, numbers
 from ddmhe.checks import shown
-from ddmhe.design.model import noise_levels
 
 Array = NDArray[np.float64]
 

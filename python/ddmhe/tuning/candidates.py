@@ -10,22 +10,20 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ddmhe._core import DdMhe, Ridge, Truncated
+from ddmhe._core import DEFAULT_RHO, DdMhe, Ridge, Truncated
 from ddmhe.tuning.folds import Recorded
 
 Array = NDArray[np.float64]
 
 __all__ = ["HIDDEN", "LAMBDA", "Candidate", "candidates_for"]
 
-RHO = 0.95
-"""Discount of every candidate: anything from 0.9 to 0.97 does."""
 HIDDEN = 1e-2
 """A default λ/μ above this (a third of the variance unexplained) means hidden states: other
 settings are tried."""
 HORIZONS = {False: (0.05, 0.1, 0.2), True: (0.13, 0.27, 0.4)}
 """Horizons to try as shares of T, without and with hidden states."""
 LONGEST = 100
-"""Longest horizon to try, as in the default rule: with RHO older samples weigh less than 0.6 %, and
+"""Longest horizon to try, as in the default rule: with the default discount older samples weigh less than 0.6 %, and
 the work grows with the third power. The shares are of no longer a recording than the one that
 reaches it."""
 MU = {False: (0.03, 0.3), True: (0.1, 1.0)}
@@ -88,7 +86,7 @@ def candidates_for(recorded: Recorded) -> tuple[list[Candidate], float]:
     for option in options:
         found.append(Candidate(option, default.horizon, default.mu))
         for M, level in product(horizons, MU[hidden]):
-            given = option | {"horizon": M, "rho": RHO, "mu": level, "weights": "scaled"}
+            given = option | {"horizon": M, "rho": DEFAULT_RHO, "mu": level, "weights": "scaled"}
             for weight in LAMBDA:
                 space = Ridge(float(f"{weight * level:.6g}"), normalised=True)
                 found.append(Candidate(given | {"space": space}, M, level, weight))

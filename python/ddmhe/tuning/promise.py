@@ -9,8 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ddmhe._core import DdMhe, DdmheError, History
-from ddmhe.design.model import noise_levels
+from ddmhe._core import DdMhe, DdmheError, History, noise_levels
 from ddmhe.tol import NO_ERROR, POSITIVE
 from ddmhe.tuning.folds import Fold
 

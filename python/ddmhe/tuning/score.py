@@ -8,6 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from ddmhe._core import SPECTRAL_RADIUS
 from ddmhe.tol import NO_ERROR
 from ddmhe.tuning.candidates import LAMBDA, Candidate
 from ddmhe.tuning.folds import QUARTERS
@@ -18,8 +19,6 @@ __all__ = ["Score", "log_error", "ranking", "rating"]
 
 QUARTERS_WEIGHT = 0.3
 """Weight of the quarters' score beside the rehearsals'."""
-GUARD = 1.005
-"""Largest spectral radius of the map from prior to estimate."""
 Score = tuple[list[float], float]
 """Mean squared relative errors of a fold's spans, spectral radius."""
 
@@ -48,7 +47,7 @@ def _rate(candidates: list[Candidate]) -> None:
     by_key = {
         (c.horizon, c.mu, c.weight, c.equilibrium): c for c in candidates if c.weight is not None
     }
-    stable = [c for c in candidates if c.radius <= GUARD] or [
+    stable = [c for c in candidates if c.radius <= SPECTRAL_RADIUS] or [
         c for c in candidates if math.isfinite(c.radius)
     ]
     for c in stable:

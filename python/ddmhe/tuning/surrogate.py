@@ -15,8 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
-from ddmhe._core import History
-from ddmhe.design.model import noise_levels
+from ddmhe._core import History, noise_levels
 from ddmhe.tol import STANDSTILL
 
 Array = NDArray[np.float64]
