@@ -13,6 +13,7 @@ from rich.progress import Progress
 
 import ddmhe
 from ddmhe import interval
+from ddmhe.cases import pendulum as case
 from ddmhe.design.model import samples
 from ddmhe.reproduce import pendulum
 from ddmhe.reproduce.montecarlo import in_parallel
@@ -51,19 +52,19 @@ def simulate(rng, kind, count):
     x = np.empty((count, STEPS + 1, 2))
     start = rng.uniform(-1, 1, (count, 2))
     start[::2] = rng.choice([-1.0, 1.0], (len(start[::2]), 2))
-    x[:, 0] = pendulum.CENTER + pendulum.RADIUS * start
+    x[:, 0] = case.CENTER + case.RADIUS * start
     for k in range(STEPS):
-        x[:, k + 1] = x[:, k] @ s.A.T + pendulum.W * d[:, k, :2]
-        x[:, k + 1, 1] -= pendulum.DT * np.sin(x[:, k, 0])
-    return x, x[:, :-1, :1] + 0.1 * pendulum.V * d[:, :, 2:]
+        x[:, k + 1] = x[:, k] @ s.A.T + case.W * d[:, k, :2]
+        x[:, k + 1, 1] -= case.DT * np.sin(x[:, k, 0])
+    return x, x[:, :-1, :1] + 0.1 * case.V * d[:, :, 2:]
 
 
 def observer(name):
     """One of METHODS on the pendulum with the paper's gain."""
     method, reduction = METHODS[name]
-    s, start = interval.pendulum(), (pendulum.CENTER, pendulum.RADIUS)
+    s, start = interval.pendulum(), (case.CENTER, case.RADIUS)
     return interval.IntervalObserver(
-        s, pendulum.design(), *start, pendulum.W, pendulum.V, pendulum.ORDER, method, reduction
+        s, pendulum.design(), *start, case.W, case.V, case.ORDER, method, reduction
     )
 
 
@@ -81,7 +82,7 @@ def outcome(o, x, y):
             (x[1:], log.ellipsoid),
         )
     ]
-    late = pendulum.LATE
+    late = case.LATE
     width = np.concatenate(
         [(log.upper - log.lower)[late].mean(0), (log.filtered[1] - log.filtered[0])[late].mean(0)]
     )
@@ -173,7 +174,7 @@ def speed():
     """From Python, interleaved: `run`, `step`, and the same recursion written with NumPy."""
     _, y = simulate(np.random.default_rng(0), "uniform", 1)
     g = pendulum.design()
-    reference = NumpyObserver(interval.pendulum(), g.gain, pendulum.ORDER, design=g)
+    reference = NumpyObserver(interval.pendulum(), g.gain, case.ORDER, design=g)
     times = {}
     for _ in range(30):
         for name in METHODS:

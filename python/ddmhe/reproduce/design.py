@@ -15,9 +15,10 @@ import scipy.optimize
 
 from ddmhe import models
 from ddmhe._core import DdmheError, History
+from ddmhe.cases import bench
 from ddmhe.cases import satellite as case
 from ddmhe.design import PolePlacement, pole_placement
-from ddmhe.reproduce import bench, theory
+from ddmhe.reproduce import theory
 from ddmhe.reproduce.claims import Claim, holds_if
 
 __all__ = ["claims", "nearest", "placements", "recordings"]

@@ -16,6 +16,8 @@ from rich.table import Table
 
 from ddmhe import report
 from ddmhe._core import DdmheError
+from ddmhe.cases import bench as bench_case
+from ddmhe.cases import pendulum as pendulum_case
 from ddmhe.cases import satellite as case
 from ddmhe.files import write, write_text
 from ddmhe.report.page import markdown_table
@@ -81,7 +83,7 @@ def run_experiment(
 def _bench(name: str, **given: Any) -> Experiment:
     """Fig. 2, 3, 4 or 5: drawn on the nominal bench, judged over the family."""
     kind, scenario = name.removeprefix("bench-"), given
-    others = [each for each in bench.family("disturbed" in given) if each != bench.NOMINAL]
+    others = [each for each in bench.family("disturbed" in given) if each != bench_case.NOMINAL]
 
     def run(advance: Callable[[], None]) -> Result:
         from ddmhe.reproduce.figures import trials_figure
@@ -89,13 +91,13 @@ def _bench(name: str, **given: Any) -> Experiment:
         trials = run_trials(bench.trial, range(SEEDS), advance, **scenario)
         settings = [{"bench": each, "names": bench.JUDGED, **scenario} for each in others]
         grid = run_grid(bench.trial, range(FAMILY_SEEDS), advance, settings)
-        family = {bench.NOMINAL: trials, **dict(zip(others, grid, strict=True))}
+        family = {bench_case.NOMINAL: trials, **dict(zip(others, grid, strict=True))}
         figure = trials_figure(
             trials,
             names=("omega",),
             quantity="angular velocity (rad/s)",
-            event=bench.EVENT if given else None,
-            band=bench.BOX,
+            event=bench_case.EVENT if given else None,
+            band=bench_case.BOX,
             colors=_colors(bench.MHE, bench.KMHE, bench.ESKF, bench.DEFAULTS, bench.EKF),
         )
         spans = {"all": bench.WHOLE}
@@ -113,7 +115,7 @@ def _bench(name: str, **given: Any) -> Experiment:
     return Experiment(SEEDS + FAMILY_SEEDS * len(others), run)
 
 
-def _family(found: Mapping[bench.Bench, Trials]) -> pd.DataFrame:
+def _family(found: Mapping[bench_case.Bench, Trials]) -> pd.DataFrame:
     """Median errors of the compared estimators on every bench, rad/s."""
     rows = []
     for each, trials in found.items():
@@ -131,31 +133,31 @@ def _mu(advance: Callable[[], None]) -> Result:
     from ddmhe.reproduce.figures import parameter_figure
 
     names = (bench.MHE, bench.KMHE)
-    settings = [{"mu": mu, "names": names} for mu in bench.MUS]
+    settings = [{"mu": mu, "names": names} for mu in bench_case.MUS]
     sweep = dict(
-        zip(bench.MUS, run_grid(bench.trial, range(SEEDS), advance, settings), strict=True)
+        zip(bench_case.MUS, run_grid(bench.trial, range(SEEDS), advance, settings), strict=True)
     )
-    others = [each for each in bench.family(False) if each != bench.NOMINAL]
+    others = [each for each in bench.family(False) if each != bench_case.NOMINAL]
     grid = run_grid(
         bench.trial,
         range(SWEEP_SEEDS),
         advance,
         [{"bench": each, **given} for each in others for given in settings],
     )
-    family = {bench.NOMINAL: sweep}
+    family = {bench_case.NOMINAL: sweep}
     for k, each in enumerate(others):
-        family[each] = dict(zip(bench.MUS, grid[k * len(bench.MUS) :], strict=False))
+        family[each] = dict(zip(bench_case.MUS, grid[k * len(bench_case.MUS) :], strict=False))
     curves = {
         name: np.array([percentiles(trials.rms(name)) for trials in sweep.values()])
         for name in names
     }
     figures = {
         "bench-mu": sweep_figure(
-            np.array(bench.MUS),
+            np.array(bench_case.MUS),
             curves,
             "weight mu on the fitted noise",
             "RMSE (rad/s)",
-            chosen=bench.MU,
+            chosen=bench_case.MU,
             colors=_colors(*names),
         ),
         "bench-mu-time": parameter_figure(
@@ -164,7 +166,7 @@ def _mu(advance: Callable[[], None]) -> Result:
             colors=_colors(*names),
         ),
     }
-    frame = pd.DataFrame({"mu": bench.MUS})
+    frame = pd.DataFrame({"mu": bench_case.MUS})
     for name, curve in curves.items():
         for k, end in enumerate(ENDS):
             frame[f"{name}: {end}"] = curve[:, k]
@@ -174,7 +176,7 @@ def _mu(advance: Callable[[], None]) -> Result:
         title=f"bench-mu: RMSE in rad/s, median of {SEEDS} seeds",
         title_justify="left",
     )
-    for k, mu in enumerate(bench.MUS):
+    for k, mu in enumerate(bench_case.MUS):
         table.add_row(f"{mu:g}", *(f"{curve[k, 1]:.3g}" for curve in curves.values()))
     return Result(bench.claims_mu(family), {"bench-mu": frame}, figures, [table])
 
@@ -277,7 +279,7 @@ def pendulum_intervals(advance: Callable[[], None]) -> Result:
     trials = in_parallel(pendulum.trial, range(SEEDS), advance)
     found = pendulum.measures(trials)
     mean = pendulum.widths(found)
-    t: Array = pendulum.DT * np.arange(1, trials[0].x.shape[0], dtype=np.float64)
+    t: Array = pendulum_case.DT * np.arange(1, trials[0].x.shape[0], dtype=np.float64)
     table = Table("method", *pendulum.MEASURES, "samples outside", title_justify="left")
     table.title = (
         f"pendulum: mean full width of the bounds of x(51) to x(100), {SEEDS} trajectories"
@@ -461,7 +463,7 @@ EXPERIMENTS: dict[str, Experiment] = {
     "bench-disturbance": _bench("bench-disturbance", disturbed=True),
     "bench-both": _bench("bench-both", noisy=True, disturbed=True),
     "bench-mu": Experiment(
-        len(bench.MUS) * (SEEDS + SWEEP_SEEDS * (len(bench.family(False)) - 1)), _mu
+        len(bench_case.MUS) * (SEEDS + SWEEP_SEEDS * (len(bench.family(False)) - 1)), _mu
     ),
     "detumbling": Experiment(SEEDS * len(satellite.NOISES) * len(satellite.RECORDED), _detumbling),
     "design": Experiment(1, _design),

@@ -12,14 +12,13 @@ from numpy.typing import NDArray
 
 from ddmhe import interval
 from ddmhe.baselines import TahirIntervalObserver
+from ddmhe.cases.pendulum import CENTER, LAM, LATE, ORDER, PRINTED_PHI, RADIUS, START, STEPS, V, W
 from ddmhe.reproduce import interval_theory
 from ddmhe.reproduce.claims import Claim, holds_if
 
 Array = NDArray[np.float64]
 
 __all__ = [
-    "CENTER",
-    "DT",
     "MEASURES",
     "PAPER",
     "TIGHT",
@@ -30,16 +29,6 @@ __all__ = [
     "trial",
     "widths",
 ]
-
-DT = 0.065
-"""Sampling interval, s."""
-LAM, ORDER, STEPS = 0.5, 20, 100
-W, V = 0.006, 0.01
-CENTER, RADIUS = np.array([0.98, 0.02]), np.array([0.1, 1.0])
-START = np.array([1.0, 0.0])
-LATE = slice(50, 100)
-"""Bounds of x(51) to x(100): where widths are averaged."""
-PRINTED_PHI = 1.15
 
 BALL, ELLIPSOID = "peak-to-peak ball (44)", "peak-to-peak ellipsoid"
 PRINTED_BALL = "ball (44) with the printed φ0"
