@@ -12,6 +12,17 @@ from numpy.typing import ArrayLike, NDArray
 
 from ddmhe._core import DdmheError, History, RankError, ShapeError
 from ddmhe.baselines.base import Baseline, recordings
+from ddmhe.baselines.tol import (
+    ARX_COVARIANCE,
+    ARX_OUTPUT,
+    ARX_RIDGE,
+    COVARIANCE,
+    KNOWN_START,
+    NONZERO,
+    ORACLE_NOISE,
+    ORACLE_STATE,
+    SLOPE_STEP,
+)
 from ddmhe.checks import (
     array,
     check_finite,
@@ -147,7 +158,7 @@ class ArxKalman(Baseline):
         self._Q[:m, :m] = noise
         self._C = np.zeros((self.p, m * L))
         self._C[:, self.n : m] = np.eye(self.p)
-        self._R = 1e-6 * np.diag(np.vstack(parts)[:, history.n :].var(axis=0) + 1e-300)
+        self._R = ARX_OUTPUT * np.diag(np.vstack(parts)[:, history.n :].var(axis=0) + NONZERO)
         self._recent = parts[-1][::-1][:L].ravel()
         self.reset()
 
@@ -224,9 +235,9 @@ class Oracle(Baseline):
         super().__init__(len(x), len(model.output(x)), x)
         self._model, self._dt = model, dt
         size = float(np.linalg.norm(x)) or 1.0
-        self._P_0 = max(prior, 1e-9 * size) ** 2 * np.eye(self.n)
-        self._Q = max(motion, 1e-9 * size) ** 2 * np.eye(self.n)
-        self._R = max(noise, 1e-12) ** 2 * np.eye(self.p)
+        self._P_0 = max(prior, ORACLE_STATE * size) ** 2 * np.eye(self.n)
+        self._Q = max(motion, ORACLE_STATE * size) ** 2 * np.eye(self.n)
+        self._R = max(noise, ORACLE_NOISE) ** 2 * np.eye(self.p)
         self.reset()
 
     def _output(self, x: Array) -> Array:
@@ -269,13 +280,13 @@ def _covariance(given: float | None, residuals: Array, signal: Array) -> Array:
     """`given` times identity, or the residuals' covariance, never below rounding."""
     if given is not None:
         return float(given) * np.eye(residuals.shape[1])
-    floor = 1e-20 * (np.mean(signal**2, axis=0) + 1e-300)
+    floor = COVARIANCE * (np.mean(signal**2, axis=0) + NONZERO)
     return residuals.T @ residuals / len(residuals) + np.diag(floor)
 
 
 def _tiny(Q: Array) -> Array:
     """A first covariance: the last recorded state is known up to the recording's own errors."""
-    return np.asarray(1e-12 * Q)
+    return np.asarray(KNOWN_START * Q)
 
 
 def _arx(parts: list[Array], L: int) -> tuple[float, int, Array, Array, Array]:
@@ -285,16 +296,19 @@ def _arx(parts: list[Array], L: int) -> tuple[float, int, Array, Array, Array]:
     """
     z = np.vstack(parts)
     m = z.shape[1]
-    mean, scale = z.mean(axis=0), z.std(axis=0) + 1e-300
+    mean, scale = z.mean(axis=0), z.std(axis=0) + NONZERO
     scaled = [(part - mean) / scale for part in parts if len(part) > L]
     past = np.vstack([np.hstack([s[L - i - 1 : len(s) - i - 1] for i in range(L)]) for s in scaled])
     now = np.vstack([s[L:] for s in scaled])
-    theta = np.linalg.solve(past.T @ past + 1e-8 * len(past) * np.eye(m * L), past.T @ now)
+    theta = np.linalg.solve(past.T @ past + ARX_RIDGE * len(past) * np.eye(m * L), past.T @ now)
     theta *= np.repeat(_contraction(theta, L) ** np.arange(1, L + 1), m)[:, None]
     residual = now - past @ theta
     free = max(len(past) - m * L - 1, 1)
-    covariance = residual.T @ residual / free + 1e-16 * np.eye(m)
-    bic = len(past) * np.linalg.slogdet(residual.T @ residual / len(past) + 1e-16 * np.eye(m))[1]
+    covariance = residual.T @ residual / free + ARX_COVARIANCE * np.eye(m)
+    bic = (
+        len(past)
+        * np.linalg.slogdet(residual.T @ residual / len(past) + ARX_COVARIANCE * np.eye(m))[1]
+    )
     bic += m * (m * L + 1) * np.log(len(past))
     lags = (scale[:, None] * theta.T) / np.tile(scale, L)
     return float(bic), L, mean - lags @ np.tile(mean, L), lags, covariance * np.outer(scale, scale)
@@ -315,7 +329,7 @@ def _contraction(theta: Array, L: int) -> float:
 
 def _slope(f: Callable[[Array], Array], x: Array) -> Array:
     """Derivative of f at x by central differences; f takes many states at once."""
-    h = 1e-6 * (float(np.linalg.norm(x)) or 1.0)
+    h = SLOPE_STEP * (float(np.linalg.norm(x)) or 1.0)
     steps = h * np.eye(len(x))
     return np.asarray((f(x + steps) - f(x - steps)).T / (2 * h))
 

@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ddmhe._core import History
 from ddmhe.baselines.base import Baseline, recordings
+from ddmhe.baselines.tol import NONZERO
 from ddmhe.checks import check_flag, check_number, check_whole
 
 Array = NDArray[np.float64]
@@ -115,7 +116,7 @@ class KoopmanMhe(Baseline):
         with np.errstate(over="ignore", invalid="ignore"):
             for k in range(end, len(y)):
                 squares += float(np.mean((C @ z - y[k]) ** 2)) / max(
-                    float(y.var(axis=0).mean()), 1e-300
+                    float(y.var(axis=0).mean()), NONZERO
                 )
                 z = K @ z
                 squares += float(np.mean((z - lifted[k + 1])[: self.n] ** 2)) / self._scale**2

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from ddmhe._core import History, RankError
 from ddmhe.baselines.base import Baseline, recordings
+from ddmhe.baselines.tol import FREEDOM, NONZERO
 from ddmhe.checks import check_number, check_whole
 
 Array = NDArray[np.float64]
@@ -58,12 +59,12 @@ class RidgeFir(Baseline):
         outside = np.sum((targets - self._mean_x) ** 2) - np.sum(projected**2)
 
         def score(share: float) -> float:
-            shrink = s**2 / (s**2 + share * s[0] ** 2 + 1e-300)
+            shrink = s**2 / (s**2 + share * s[0] ** 2 + NONZERO)
             residual = np.sum(((1 - shrink)[:, None] * projected) ** 2) + max(outside, 0.0)
-            return float(residual / max(len(windows) - 1 - shrink.sum(), 1e-9) ** 2)
+            return float(residual / max(len(windows) - 1 - shrink.sum(), FREEDOM) ** 2)
 
         self.weight = min(self.WEIGHTS, key=score) if weight is None else weight
-        gains = s / (s**2 + self.weight * s[0] ** 2 + 1e-300)
+        gains = s / (s**2 + self.weight * s[0] ** 2 + NONZERO)
         self.W = (Vt.T * gains @ projected).T
         last = parts[-1][1][len(parts[-1][1]) - min(L - 1, len(parts[-1][1])) :]
         lacking = np.tile(

@@ -17,6 +17,7 @@ import scipy.linalg
 from numpy.typing import ArrayLike, NDArray
 
 from ddmhe._core import DdmheError, InfeasibleError, ModelViolationError
+from ddmhe.baselines.tol import LEAST_MU, LEAST_RATIO, NONZERO, ROUNDING
 from ddmhe.design.solver import solve
 from ddmhe.interval.observer_design import design_observer
 from ddmhe.interval.systems import System, matrix, radius_of
@@ -24,9 +25,6 @@ from ddmhe.interval.systems import System, matrix, radius_of
 Array = NDArray[np.float64]
 
 __all__ = ["TahirIntervalObserver"]
-
-ROUNDING = 1e-12
-"""Relative widening of every bound: this baseline computes with plain floats."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,7 +122,7 @@ class TahirIntervalObserver:
             top, bottom = np.where(rising, high, low), np.where(rising, low, high)
             new_high[i] = self._map(top)[i] + slack + noise[i] + constant[i]
             new_low[i] = self._map(bottom)[i] - slack - noise[i] + constant[i]
-        pad = ROUNDING * (np.abs(new_low) + np.abs(new_high) + 1e-300)
+        pad = ROUNDING * (np.abs(new_low) + np.abs(new_high) + NONZERO)
         z = np.asarray(new_low - pad), np.asarray(new_high + pad)
         x = _mapped(self._T_inv, *z)
         if (x[0] > x[1]).any():
@@ -205,14 +203,14 @@ class TahirIntervalObserver:
             ]
             constraints += [block >> 0, lam * d >= mu, d <= 1]
             # the width's peak grows with γ/μ: normalise P below one, and weigh γ against μ
-            problem = cp.Problem(cp.Minimize(gamma - mu), [*constraints, mu >= 1e-9])
+            problem = cp.Problem(cp.Minimize(gamma - mu), [*constraints, mu >= LEAST_MU])
             if not solve(problem) or d.value is None or W.value is None or not gamma.value > 0:
                 continue
             gain = np.asarray(self._T_inv @ (W.value / d.value[:, None]))
             # the programme's word is good to a tolerance only, and d may be as small
             rho = self._growth(gain)
             least = min(least, rho)
-            ratio = float(gamma.value / max(float(mu.value), 1e-12))
+            ratio = float(gamma.value / max(float(mu.value), LEAST_RATIO))
             if rho < 1 and (best is None or ratio < best[0]):
                 best = ratio, gain
         if best is None:

@@ -5,7 +5,8 @@ designs the weighted certificate that exists for every observable system, and wi
 one for every system that a recording allows."""
 
 from ddmhe._core import minimum_horizon
-from ddmhe.design.certificate import Certificate, Uncertainty, ioss, scalar_certificate
+from ddmhe.design.certificate import Certificate, Uncertainty
+from ddmhe.design.certify import ioss, scalar_certificate
 from ddmhe.design.model import AffineModel, identify
 from ddmhe.design.poles import PolePlacement, pole_placement
 from ddmhe.design.regions import Cone, Disc, HalfPlane

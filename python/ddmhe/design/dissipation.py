@@ -23,6 +23,7 @@ import scipy.linalg
 from numpy.typing import NDArray
 
 from ddmhe.design.solver import solve
+from ddmhe.design.tol import CONDITION, INFLATIONS, MARGINS, NONZERO, POSITIVE_R
 from ddmhe.design.uncertainty import ConsistentSet
 
 Array = NDArray[np.float64]
@@ -35,11 +36,6 @@ __all__ = [
     "largest_eigenvalue",
     "root",
 ]
-
-MARGINS = (1e-7, 1e-4, 1e-2)
-"""The programme keeps Φ's (d, s) block this far below zero, relative to its size in balanced
-coordinates: the first
-margin whose solution survives the eigenvalue check."""
 
 
 # --- the inequality
@@ -139,7 +135,7 @@ def best_gains(
         P, R, tau = found
         verified = _verified(system, inverse.T @ P @ inverse, R / scale**2, tau, eta)
         if verified is not None and (
-            condition is None or condition_number(verified[0]) <= condition * (1 + 1e-6)
+            condition is None or condition_number(verified[0]) <= condition * (1 + CONDITION)
         ):
             return *verified, True
     if system.root.shape[1]:
@@ -168,12 +164,12 @@ def _programme(
     R = cp.Variable((p, p), symmetric=True)
     tau = cp.Variable(nonneg=True)
     unit = T.T @ T  # P ⪰ I in the user's coordinates
-    size = max(float(np.linalg.norm(unit, 2)), 1e-300)
+    size = max(float(np.linalg.norm(unit, 2)), NONZERO)
     kept = n + system.root.shape[1]
     floor = margin * scipy.linalg.block_diag(np.eye(kept), np.zeros((n, n)))
     constraints = [
         _symmetric(_inequality(system, P, Q, R, tau, eta)) >> floor,
-        R >> 1e-9 * np.eye(p),
+        R >> POSITIVE_R * np.eye(p),
         P >> unit / size,
     ]
     if condition is not None:
@@ -212,7 +208,7 @@ def _verified(
     if not float(np.linalg.eigvalsh(S)[0]) > 0:
         return None
     Q = _symmetric(P + P @ F @ np.linalg.solve(S, F.T @ P))
-    for more in (1e-6, 1e-4, 1e-2, 1.0):
+    for more in INFLATIONS:
         inflated = Q + more * np.eye(len(Q)) * float(np.trace(Q)) / len(Q)
         residual = -float(
             np.linalg.eigvalsh(_symmetric(_inequality(system, P, inflated, R, tau, eta)))[0]

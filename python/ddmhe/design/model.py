@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from ddmhe._core import History, RankError, noise_levels
 from ddmhe.checks import array, check_finite, check_history, check_whole, choice
+from ddmhe.design.tol import EXACT_CHANNEL, PBH
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -23,9 +24,6 @@ __all__ = ["AffineModel", "identify", "is_observable", "samples"]
 
 MOST_STEPS = 10_000_000
 """Simulated steps that fit into memory."""
-PBH = 1e-9
-"""A pair is unobservable when [λI - A; C] loses rank at this relative tolerance in balanced
-coordinates."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -205,8 +203,7 @@ def _total_least_squares(X: Array, Z: Array, history: History) -> Array:
     both = np.hstack([X, Z])
     spread = both.std(axis=0)
     spread = np.where(spread > 0, spread, 1.0)
-    # A channel without visible noise counts as exact to rounding, not as infinitely accurate.
-    scale = np.maximum(noise, 1e-9 * spread)
+    scale = np.maximum(noise, EXACT_CHANNEL * spread)
     V = np.linalg.svd(both / scale, full_matrices=True)[2].T
     V12, V22 = V[:n, n:], V[n:, n:]
     theta = -np.linalg.lstsq(V22.T, V12.T, rcond=None)[0].T

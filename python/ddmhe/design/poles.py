@@ -21,23 +21,25 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import ArrayLike, NDArray
 
-from ddmhe._core import DdmheError, History, InfeasibleError, RankError
+from ddmhe._core import DdmheError, History, InfeasibleError
 from ddmhe.checks import array, check_finite, check_number, check_whole
-from ddmhe.design.arguments import recording_or_system
-from ddmhe.design.model import AffineModel, identify, unobservable_modes
+from ddmhe.design.dual_data import DualData, source
+from ddmhe.design.model import AffineModel, unobservable_modes
 from ddmhe.design.regions import Disc, Region
 from ddmhe.design.solver import solve
+from ddmhe.design.tol import (
+    IN_REGION,
+    INVERTIBLE,
+    KERNEL,
+    MARGIN,
+    NONZERO,
+    SYMMETRIC,
+)
 
 Array = NDArray[np.float64]
 
 __all__ = ["PolePlacement", "pole_placement"]
 
-MARGIN = 1e-6
-"""≻ 0 is asked for as ⪰ MARGIN·I: the blocks are of size 1, since (51c) makes X0dl X ≻ I."""
-EPS = float(np.finfo(float).eps)
-MARGIN_ROUNDING = 4.0
-"""Rounding counts this many times: an output made by several operations is off by more than its
-last digit."""
 MOST_ATTEMPTS = 1000
 """Radii that Algorithm 2 may be made to try."""
 AGREEMENT = 0.05
@@ -205,7 +207,7 @@ def pole_placement(
         raise DdmheError(
             f"region: expected a Disc, a HalfPlane or a Cone, found {type(region).__name__}"
         )
-    data, model = _source(history, A, C)
+    data, model = source(history, A, C)
     n, p = data.X0.shape[0], data.U0.shape[0]
     weights = _definite("Q", Q, n), _definite("R", R, p)
     regions = [region] if region is not None else [Disc(radius * step**k) for k in range(attempts)]
@@ -224,111 +226,13 @@ def pole_placement(
     return _verdict(data, model, *last, attempts=len(regions))
 
 
-# --- data
-
-
-@dataclass(frozen=True, eq=False)
-class _DualData:
-    """X0dl (n, K), U0dl (p, K), X1dl (n, K) of (45), with K reduced to the row space that they
-    span."""
-
-    X0: Array
-    U0: Array
-    X1: Array
-    singular_values: Array
-    rank: int
-    arbitrary: bool = False
-    """Whether the rows are independent: then the programme is solved by A_L = 0, L = 0."""
-
-
-def _source(
-    history: History | None, A: ArrayLike | None, C: ArrayLike | None
-) -> tuple[_DualData, AffineModel]:
-    given = recording_or_system(history, A, C)
-    if isinstance(given, History):
-        return _dual_data(given), identify(given)
-    A_, C_ = given
-    n, p = len(A_), len(C_)
-    # n + p experiments on the dual system x⁺ = Aᵀx + Cᵀu, one from each unit vector of (x, u), tell
-    # all of it.
-    both = np.vstack([A_, C_])
-    data = _DualData(
-        np.eye(n, n + p),
-        np.eye(p, n + p, n),
-        both.T,
-        np.asarray(np.linalg.svd(both, compute_uv=False)),
-        n + p,
-    )
-    model = AffineModel(
-        A_,
-        np.zeros(n),
-        C_,
-        np.zeros(p),
-        1.0,
-        np.zeros((n + p, n + p)),
-        np.eye(n + 1),
-        0,
-        "least squares",
-    )
-    return data, model
-
-
-def _dual_data(history: History) -> _DualData:
-    """(45) from the differences (46); samples are columns, no difference crosses a seam."""
-    n, p = history.n, history.p
-    parts = [(np.diff(x, axis=0), np.diff(y, axis=0)) for x, y in history.recordings if len(y) > 1]
-    columns = sum(len(dy) for _, dy in parts)
-    if columns < n + p:
-        raise RankError(
-            f"history: expected at least n + p + 1 = {n + p + 1} outputs, found {columns + 1}"
-        )
-    X0 = np.concatenate([dx[: len(dy)] for dx, dy in parts]).T
-    X1 = np.concatenate([dx[1 : len(dy) + 1] for dx, dy in parts]).T
-    Y0 = np.concatenate([dy for _, dy in parts]).T
-    both = np.vstack([X1, Y0])
-    # Channels are brought to one size before the rank is judged: units must not decide it.
-    size = np.sqrt(np.mean(both**2, axis=1, keepdims=True))
-    size = np.where(size > 0, size, 1.0)
-    U, sigma, Vt = np.linalg.svd(both / size, full_matrices=False)
-    rank = int(
-        np.sum(sigma > max(_rounding(history, size, columns), max(both.shape) * EPS * sigma[0]))
-    )
-    # The pseudo-inverse of the unscaled data on the directions that are kept.
-    inverse = np.linalg.pinv(size * (U[:, :rank] * sigma[:rank])) if rank else np.zeros((0, n + p))
-    dual = (Vt[:rank].T @ inverse).T  # (n+p) x K, [X0dl; U0dl] = [X1ᵀ Y0ᵀ]†
-    X1dl = np.linalg.pinv(X0.T)
-    # X (K x n) enters through X0dl X, U0dl X, X1dl X only: its part outside of their row space is
-    # idle.
-    stack = np.vstack([dual, X1dl])
-    scale = np.linalg.norm(stack, axis=1, keepdims=True)
-    _, values, rows = np.linalg.svd(stack / np.where(scale > 0, scale, 1.0), full_matrices=False)
-    basis = rows[values > 1e-12 * values[0]].T
-    reduced = stack @ basis
-    return _DualData(
-        reduced[:n], reduced[n : n + p], reduced[n + p :], sigma, rank, basis.shape[1] == 2 * n + p
-    )
-
-
-def _rounding(history: History, size: Array, columns: int) -> float:
-    """Singular values of [X1; Y0]/size below this may be rounding.
-
-    A sample is off by eps times its channel's largest, a difference of two by twice that, and
-    singular values move by no more than the Frobenius norm. The margin is for outputs that were
-    computed in several operations."""
-    largest = [
-        np.concatenate([np.abs(r[k]) for r in history.recordings]).max(axis=0) for k in (0, 1)
-    ]
-    error = 2 * EPS * np.concatenate(largest) / size[:, 0]
-    return MARGIN_ROUNDING * math.sqrt(columns * float(error @ error))
-
-
 def _definite(name: str, matrix: ArrayLike | None, size: int) -> Array:
     """A symmetric positive definite weight, checked."""
     if matrix is None:
         return np.eye(size)
     M = array(name, matrix, (size, size))
     check_finite(name, M)
-    if not np.allclose(M, M.T, rtol=1e-9, atol=0):
+    if not np.allclose(M, M.T, rtol=SYMMETRIC, atol=0):
         raise DdmheError(f"{name}: expected a symmetric matrix, found one that is not")
     smallest = float(np.linalg.eigvalsh(M)[0])
     if smallest <= 0:
@@ -356,7 +260,7 @@ class _Solution:
         return float(6 * np.linalg.norm(self.gain, 2) ** 2)
 
 
-def _programme(data: _DualData, region: Region, Q: Array, R: Array) -> _Solution | None:
+def _programme(data: DualData, region: Region, Q: Array, R: Array) -> _Solution | None:
     """(56); None if it has no solution whose poles lie in the region.
 
     The blocks are Lyapunov inequalities only for a symmetric X0dl X, which (55b) merely favours
@@ -369,15 +273,13 @@ def _programme(data: _DualData, region: Region, Q: Array, R: Array) -> _Solution
     return None
 
 
-def _solve(
-    data: _DualData, region: Region, Q: Array, R: Array, symmetric: bool
-) -> _Solution | None:
+def _solve(data: DualData, region: Region, Q: Array, R: Array, symmetric: bool) -> _Solution | None:
     """One solution of (56), unchecked; None if the solver finds no point."""
     import cvxpy as cp
 
     n, p = data.X0.shape[0], data.U0.shape[0]
     # X in the scale of the data, so that X0dl X is of size 1
-    unit = 1 / max(float(np.linalg.norm(data.X0, 2)), 1e-300)
+    unit = 1 / max(float(np.linalg.norm(data.X0, 2)), NONZERO)
     X = cp.Variable((data.X0.shape[1], n))
     W, beta = cp.Variable((p, p), symmetric=True), cp.Variable(nonneg=True)
     S, Y, U = (unit * M @ X for M in (data.X0, data.X1, data.U0))
@@ -397,7 +299,7 @@ def _solve(
     if not solve(problem) or X.value is None:
         return None
     S_, Y_, U_ = (unit * M @ X.value for M in (data.X0, data.X1, data.U0))
-    if not np.isfinite(S_).all() or np.linalg.cond(S_) > 1e12:
+    if not np.isfinite(S_).all() or np.linalg.cond(S_) > INVERTIBLE:
         return None
     inverse = np.linalg.inv(S_)
     A_L, gain = (Y_ @ inverse).T, (U_ @ inverse).T  # (53)
@@ -433,7 +335,8 @@ def _contains(region: Region, A_L: Array) -> bool:
     """Whether all eigenvalues lie in the region, up to rounding."""
     L, M = region.matrices()
     return all(
-        np.linalg.eigvalsh(L + z * M + np.conj(z) * M.T)[-1] <= 1e-7 for z in np.linalg.eigvals(A_L)
+        np.linalg.eigvalsh(L + z * M + np.conj(z) * M.T)[-1] <= IN_REGION
+        for z in np.linalg.eigvals(A_L)
     )
 
 
@@ -441,7 +344,7 @@ def _contains(region: Region, A_L: Array) -> bool:
 
 
 def _verdict(
-    data: _DualData, model: AffineModel, region: Region, solution: _Solution | None, attempts: int
+    data: DualData, model: AffineModel, region: Region, solution: _Solution | None, attempts: int
 ) -> PolePlacement:
     output_rank, lower_bound = _blind(model)
     A_L = model.A if solution is None else model.A + solution.gain @ model.C
@@ -469,7 +372,7 @@ def _verdict(
 def _blind(model: AffineModel) -> tuple[int, float]:
     """Rank of C by its standard errors, and 6 max ‖A b‖² over unit b in its kernel."""
     _, sigma, Vt = np.linalg.svd(model.C)
-    floor = max(2 * float(np.linalg.norm(model.standard_errors[1])), 1e-9 * float(sigma[0]))
+    floor = max(2 * float(np.linalg.norm(model.standard_errors[1])), KERNEL * float(sigma[0]))
     rank = int(np.sum(sigma > floor))
     kernel = Vt[rank:].T  # n x (n - rank)
     return rank, float(6 * np.linalg.norm(model.A @ kernel, 2) ** 2) if kernel.size else 0.0

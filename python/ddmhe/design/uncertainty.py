@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 from ddmhe._core import DdmheError, History, RankError
 from ddmhe.checks import check_history, check_kind, check_number, choice
 from ddmhe.design.model import samples
+from ddmhe.design.tol import HIDDEN, NONZERO, ON_BOUNDARY, UNEXPLAINED
 
 Array = NDArray[np.float64]
 
@@ -99,8 +100,8 @@ class ConsistentSet:
         Z = np.block([[A - self.A, (e - self.e)[:, None]], [C - self.C, (r - self.r)[:, None]]])
         G = np.linalg.inv(self.metric)
         excess = Z @ G @ Z.T - self.root @ self.root.T
-        size = max(float(np.linalg.norm(self.root, 2)) ** 2, 1e-300)
-        return bool(np.linalg.eigvalsh(0.5 * (excess + excess.T))[-1] <= 1e-9 * size)
+        size = max(float(np.linalg.norm(self.root, 2)) ** 2, NONZERO)
+        return bool(np.linalg.eigvalsh(0.5 * (excess + excess.T))[-1] <= ON_BOUNDARY * size)
 
 
 def consistent_set(history: History, noise: RecordingNoise) -> ConsistentSet:
@@ -120,7 +121,7 @@ def consistent_set(history: History, noise: RecordingNoise) -> ConsistentSet:
     X, Z = X - mean_x, Z - mean_z
     H = X.T @ X - theta_0 * np.eye(n)
     smallest = float(np.linalg.eigvalsh(H)[0])
-    if smallest <= 1e-12 * max(float(np.trace(H)), theta_0):
+    if smallest <= HIDDEN * max(float(np.trace(H)), theta_0):
         weakest = math.sqrt(max(float(np.linalg.eigvalsh(X.T @ X)[0]), 0.0) / len(X))
         hidden = math.sqrt(theta_0 / len(X))
         raise RankError(
@@ -131,7 +132,7 @@ def consistent_set(history: History, noise: RecordingNoise) -> ConsistentSet:
     theta = np.concatenate([np.full(n, theta_1), np.full(p, theta_y)])
     delta = centre @ H @ centre.T - Z.T @ Z + np.diag(theta)
     values, vectors = np.linalg.eigh(0.5 * (delta + delta.T))
-    rounding = 1e-12 * float(np.trace(Z.T @ Z) + np.trace(centre @ H @ centre.T))
+    rounding = UNEXPLAINED * float(np.trace(Z.T @ Z) + np.trace(centre @ H @ centre.T))
     if values[0] < -rounding:
         raise DdmheError(
             "noise: expected a size that the recording's errors do not exceed, found that no "

@@ -9,13 +9,8 @@ NAME|all`.
 """
 
 from ddmhe.reproduce.claims import Claim, Verdict, verdicts, write_claims
-from ddmhe.reproduce.experiments import (
-    EXPERIMENTS,
-    Result,
-    pendulum_logs,
-    reproduce_real,
-    run_experiment,
-)
+from ddmhe.reproduce.experiments import EXPERIMENTS, Result, run_experiment
+from ddmhe.reproduce.measured import pendulum_logs, reproduce_real
 from ddmhe.reproduce.real import PendulumTask, pendulum_task
 
 __all__ = [

@@ -20,6 +20,7 @@ from ddmhe.cases import satellite as case
 from ddmhe.design import PolePlacement, pole_placement
 from ddmhe.reproduce import theory
 from ddmhe.reproduce.claims import Claim, holds_if
+from ddmhe.reproduce.tol import RADIUS
 
 __all__ = ["claims", "nearest", "placements", "recordings"]
 
@@ -112,7 +113,7 @@ def nearest(history: History, rho0: float, mu0: float) -> dict[str, tuple[float,
         ends = grid[max(k - 1, 0)], grid[min(k + 1, len(grid) - 1)]
         radius = float(
             scipy.optimize.minimize_scalar(
-                cost, bounds=ends, method="bounded", options={"xatol": 1e-4}
+                cost, bounds=ends, method="bounded", options={"xatol": RADIUS}
             ).x
         )
         best[key] = (radius, *at(radius))

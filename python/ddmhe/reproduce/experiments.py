@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import partial
@@ -15,12 +14,10 @@ from numpy.typing import NDArray
 from rich.table import Table
 
 from ddmhe import report
-from ddmhe._core import DdmheError
 from ddmhe.cases import bench as bench_case
 from ddmhe.cases import pendulum as pendulum_case
 from ddmhe.cases import satellite as case
-from ddmhe.files import write, write_text
-from ddmhe.report.page import markdown_table
+from ddmhe.files import write
 from ddmhe.reproduce import bench, satellite
 from ddmhe.reproduce.claims import Claim
 from ddmhe.reproduce.montecarlo import ENDS, Trials, in_parallel, percentiles, run_grid, run_trials
@@ -30,7 +27,7 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-__all__ = ["EXPERIMENTS", "Result", "pendulum_logs", "reproduce_real", "run_experiment"]
+__all__ = ["EXPERIMENTS", "Result", "run_experiment", "short"]
 
 SEEDS = 50
 """Noise seeds of an experiment, and of each point of a sweep."""
@@ -221,7 +218,7 @@ def _detumbling(advance: Callable[[], None]) -> Result:
     )
     for name in nominal.names:
         cells = [
-            "/".join(_short(np.median(np.rad2deg(t.rms(name, 0, s)))) for s in satellite.spans(t))
+            "/".join(short(np.median(np.rad2deg(t.rms(name, 0, s)))) for s in satellite.spans(t))
             for t in found.values()
         ]
         table.add_row(name, *cells)
@@ -316,80 +313,6 @@ def pendulum_intervals(advance: Callable[[], None]) -> Result:
     return Result(pendulum.claims(trials), tables, figures, [table])
 
 
-# --- measured logs
-
-
-def reproduce_real(
-    paths: list[Path], directory: Path, advance: Callable[[], None]
-) -> tuple[Result, list[Path]]:
-    """All estimators on every pendulum log; NRMSE as CSV and Markdown.
-
-    A KeyboardInterrupt has the same of the logs that were finished as its `finished`, None without
-    any."""
-    from ddmhe.reproduce.real import pendulum_scores
-
-    try:
-        return _summarised(pendulum_scores(paths, advance), directory)
-    except KeyboardInterrupt as e:
-        scores: Any = getattr(e, "finished", ())
-        finished = _summarised(scores, directory) if len(scores) else None
-        e.finished = finished  # type: ignore[attr-defined]
-        raise
-
-
-def _summarised(scores: pd.DataFrame, directory: Path) -> tuple[Result, list[Path]]:
-    table = Table(
-        "estimator",
-        "geometric mean",
-        "median",
-        "worst",
-        "diverged",
-        title="NRMSE",
-        title_justify="left",
-    )
-    summary = []
-    for name in map(str, scores):
-        column = scores[name].to_numpy()
-        finite = np.isfinite(column) & (column < 1e3)
-        mean = float(np.exp(np.mean(np.log(column)))) if finite.all() else np.inf
-        summary.append(
-            (mean, name, float(np.median(column)), float(column.max()), int((~finite).sum()))
-        )
-    for mean, name, median, worst, lost in sorted(summary):
-        table.add_row(name, _short(mean), _short(median), _short(worst), str(lost))
-    directory.mkdir(parents=True, exist_ok=True)
-    written = [directory / "real.csv", directory / "real.md"]
-    write(written[0], scores.to_csv)
-    write_text(written[1], _markdown(scores, sorted(summary), len(scores)))
-    return Result(printed=[table]), written
-
-
-def _markdown(
-    scores: pd.DataFrame, summary: list[tuple[float, str, float, float, int]], count: int
-) -> str:
-    lines = [
-        "# Measured pendulum logs: every estimator",
-        "",
-        "Written by `ddmhe reproduce real`: NRMSE of the rate estimated from the accelerometer, "
-        f"{count} logs.",
-        "Nothing was chosen with the truth. *inf*: diverged.",
-        "",
-        *markdown_table(
-            ("estimator", "geometric mean", "median", "worst", "diverged"),
-            [
-                (str(name), *(_short(value) for value in (mean, med, worst)), str(lost))
-                for mean, name, med, worst, lost in summary
-            ],
-        ),
-        "",
-        *markdown_table(
-            ("log", *(str(name) for name in scores)),
-            [(str(log), *(_short(value) for value in row)) for log, row in scores.iterrows()],
-        ),
-    ]
-    return "\n".join([*lines, ""])
-
-
 # --- tables and colours
 
 COLORS = {
@@ -419,7 +342,8 @@ def _colors(*names: str) -> dict[str, str]:
     return {name: COLORS[name] for name in names}
 
 
-def _short(value: float) -> str:
+def short(value: float) -> str:
+    """A number in three digits; "inf" for one that has left all bounds."""
     return f"{value:.3g}" if value < 1e6 else "inf"
 
 
@@ -435,7 +359,7 @@ def _table(title: str, errors: dict[str, dict[str, Array]]) -> Table:
     table = Table("estimator", *labels, title=title, title_justify="left")
     for name, row in errors.items():
         cells = [
-            f"{_short(row[label][1])} [{_short(row[label][0])}, {_short(row[label][2])}]"
+            f"{short(row[label][1])} [{short(row[label][0])}, {short(row[label][2])}]"
             for label in labels
         ]
         table.add_row(name, *cells)
@@ -469,19 +393,3 @@ EXPERIMENTS: dict[str, Experiment] = {
     "design": Experiment(1, _design),
     "pendulum": Experiment(SEEDS, pendulum_intervals),
 }
-
-
-def pendulum_logs(data: Path | None) -> list[Path]:
-    """The pendulum logs of a directory, or of DDMHE_DATA; DdmheError that says what is missing."""
-    given = data if data is not None else os.environ.get("DDMHE_DATA")
-    if given is None:
-        raise DdmheError(
-            "--data: expected the directory of the measured logs (or DDMHE_DATA), found none"
-        )
-    folder = Path(given)
-    paths = sorted(folder.glob("*.csv")) or sorted((folder / "repoimu-pendulum").glob("*.csv"))
-    if not paths:
-        raise DdmheError(
-            f"--data: expected a directory with pendulum logs (CSV), {str(folder)!r} has none"
-        )
-    return paths

@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 
 from ddmhe.report.style import ESTIMATE, TRUTH, shade
 from ddmhe.reproduce.montecarlo import Trial, Trials
+from ddmhe.reproduce.tol import DRAWN
 
 __all__ = ["parameter_figure", "trials_figure"]
 
@@ -106,7 +107,7 @@ def _draw_first(
             axes.plot([], [], " ", label=label)
     for name, color in colors.items():
         axes.plot(first.t, scale * first.x_hat[name][:, i], color=color, label=name, **ESTIMATE)
-    room = max(float(np.ptp(shown)), 1e-12)
+    room = max(float(np.ptp(shown)), DRAWN)
     axes.set_ylim(shown.min() - 0.25 * room, shown.max() + 0.25 * room)
     axes.grid(alpha=0.3)
 

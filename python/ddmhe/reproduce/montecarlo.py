@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from ddmhe._core import DdmheError, ShapeError
+from ddmhe.reproduce.tol import BLOWN_UP, SAME_TIME
 
 Array = NDArray[np.float64]
 T = TypeVar("T")
@@ -89,7 +90,7 @@ class Trials:
     def rms(self, name: str, start: float = 0.0, end: float = np.inf) -> Array:
         """Root mean square of ‖x̂ - x‖ for start < t - t_0 <= end: (seeds,)."""
         first = self.t[0] - (self.t[1] - self.t[0])
-        part = (self.t - first > start + 1e-9) & (self.t - first <= end + 1e-9)
+        part = (self.t - first > start + SAME_TIME) & (self.t - first <= end + SAME_TIME)
         with np.errstate(over="ignore"):
             return np.asarray(np.sqrt(np.mean(self.errors(name)[:, part] ** 2, axis=1)))
 
@@ -100,10 +101,10 @@ class Trials:
         What noise does to an estimate, without the bias and the drift that its RMSE about the truth
         mixes in."""
         first = self.t[0] - (self.t[1] - self.t[0])
-        part = (self.t - first > start + 1e-9) & (self.t - first <= end + 1e-9)
+        part = (self.t - first > start + SAME_TIME) & (self.t - first <= end + SAME_TIME)
         trend = np.polynomial.legendre.legvander(np.linspace(-1, 1, int(part.sum())), 3)
         off = np.array([trial.x_hat[name][part] - trial.x[part] for trial in self.all])
-        failed = ~(np.abs(off) < 1e150).all(axis=(1, 2))
+        failed = ~(np.abs(off) < BLOWN_UP).all(axis=(1, 2))
         off[failed] = 0.0
         rest = off - trend @ (np.linalg.pinv(trend) @ off)
         return np.where(failed, np.inf, np.sqrt(np.mean(np.sum(rest**2, axis=2), axis=1)))

@@ -15,6 +15,7 @@ from ddmhe.cases import satellite as case
 from ddmhe.reproduce import bench
 from ddmhe.reproduce.claims import Claim, cases, holds_if, verdict
 from ddmhe.reproduce.montecarlo import Estimators, Trial, Trials, estimates
+from ddmhe.reproduce.tol import RECORDED_STATE, SAME_TIME
 
 Array = NDArray[np.float64]
 
@@ -46,7 +47,7 @@ def settings() -> list[dict[str, float]]:
 def spans(trials: Trials) -> tuple[float, ...]:
     """The SPANS that the runs cover."""
     length = float(trials.t[-1]) - case.HISTORY
-    return tuple(span for span in SPANS if span <= length + 1e-9)
+    return tuple(span for span in SPANS if span <= length + SAME_TIME)
 
 
 def estimators(
@@ -55,7 +56,7 @@ def estimators(
     """What takes part, by name; `seed` draws the centres of Dd-KMHE."""
     box: dict[str, Any] = {"x_bounds": (-case.BOX, case.BOX), "x_center": "history"}
     (x, _) = history.recordings[0]
-    prior = max(recorded, 1e-6)
+    prior = max(recorded, RECORDED_STATE)
     printed = case.PAPER["horizon"], case.PAPER["rho"], case.PAPER["mu"]
     return {
         MHE: lambda: DdMhe(history, start="state", **box, **case.PAPER),

@@ -20,6 +20,7 @@ from ddmhe._core import DdMhe, Exact, History
 from ddmhe.cases import satellite as case
 from ddmhe.design import ioss, pole_placement, scalar_certificate
 from ddmhe.reproduce.claims import Claim, cases, holds_if, verdict
+from ddmhe.reproduce.tol import LEMMA_1, LINEAR_STEP, NO_COST
 
 Array = NDArray[np.float64]
 
@@ -217,7 +218,7 @@ def linearisation(
 def slope(f: Any, x: Array) -> Array:
     """Jacobian of f (m, n) at x (n,) by central differences; exact to rounding for a quadratic
     f."""
-    h = 1e-3 * float(np.linalg.norm(x))
+    h = LINEAR_STEP * float(np.linalg.norm(x))
     return np.array([(f(x + step) - f(x - step)) / (2 * h) for step in h * np.eye(len(x))]).T
 
 
@@ -236,7 +237,7 @@ def _lemma_1() -> Claim:
         "With (7) and T ≥ L + n, data are a trajectory of (6) if and only if some α satisfies (8)",
         "",
         f'largest relative misfit over 200 random systems: "only if" {only_if:.1e}, "if" {if_:.1e}',
-        holds_if(max(only_if, if_) < 1e-8),
+        holds_if(max(only_if, if_) < LEMMA_1),
         "criterion: 1e-8. It speaks of noise-free data of an affine system; (16) uses it for "
         "neither",
     )
@@ -300,7 +301,7 @@ def _theorems(clean: History) -> list[Claim]:
             "The true trajectory without w and v is feasible, so that J* ≤ J(x(t-M), v)",
             "",
             f"{words}: J* = {cost:.3g} at t = 6 where J(x(3), 0) = 0",
-            holds_if(cost <= 1e-9),
+            holds_if(cost <= NO_COST),
             "taking each w off its own state leaves no trajectory: the next state still carries A "
             "w. Feasible for w = 0 or M = 1 only",
         ),
