@@ -36,7 +36,7 @@ test-long: setup ## the long tests, which `make test` leaves out
 lint: rust-components packages ## formatting, clippy, rustdoc, ruff, mypy
 	cargo fmt --all --check
 	cargo clippy --workspace --all-targets --locked -- -D warnings
-	RUSTDOCFLAGS="-D warnings" cargo doc --no-deps -p ddmhe-core --locked
+	RUSTDOCFLAGS="-D warnings" cargo doc --no-deps --workspace --exclude ddmhe-py --locked
 	$(PY) -m ruff check
 	$(PY) -m ruff format --check
 	$(PY) -m mypy

@@ -1,4 +1,4 @@
-"""Imports point one way: no circle between files, in Python or in Rust."""
+"""Imports point one way: no circle between files, in Python or in Rust, nor between crates."""
 
 import ast
 import re
@@ -74,13 +74,27 @@ def rust_imports(crate):
     for name, path in files.items():
         text = re.sub(r"#\[cfg\(test\)\].*", "", path.read_text(), flags=re.DOTALL)
         code = "\n".join(line for line in text.splitlines() if not line.lstrip().startswith("//"))
+        parent = name.rpartition("::")[0]
+        # super:: is the parent; a file also imports the files that it declares
+        code = re.sub(r"\bsuper::", f"crate::{parent}::" if parent else "crate::", code)
         paths = re.findall(r"\bcrate::((?:\w+::)*\w+)", code)
+        paths += [f"{name}::{child}" for child in re.findall(r"^(?:pub )?mod (\w+);", code, re.M)]
         paths += [
             part.strip()
             for group in re.findall(r"\bcrate::\{([^}]*)\}", code)
             for part in group.split(",")
         ]
         found[name] = {file_of(p) for p in paths} - {"", name}
+    return found
+
+
+def crate_imports():
+    """Crates of the workspace by those that they depend on, tests apart."""
+    found = {}
+    for crate in CRATES:
+        text = (crate / "Cargo.toml").read_text()
+        needed = re.search(r"^\[dependencies\]\n((?!\[).*\n)*", text, re.M)[0]
+        found[crate.name] = set(re.findall(r"^(ddmhe-\w+)", needed, re.M))
     return found
 
 
@@ -111,6 +125,14 @@ def test_rust_imports_have_no_circle(crate):
     found = rust_imports(crate)
     assert any(found.values())
     assert circle(found) is None
+
+
+def test_crates_depend_one_way():
+    found = crate_imports()
+    assert circle(found) is None
+    assert found["ddmhe-interval"] == set()
+    assert found["ddmhe-core"] >= {"ddmhe-interval"}
+    assert not any("ddmhe-py" in needed for needed in found.values())
 
 
 def test_a_circle_is_found():

@@ -36,9 +36,9 @@
 //! are what the recording says. It is not when the model was fitted to a noisy recording whose
 //! noise nobody stated.
 
-use crate::check::check_vector;
+use crate::check::{check_finite, check_vector};
 use crate::error::Error;
-use crate::history::{History, check_finite};
+use crate::history::History;
 use crate::tol;
 use faer::linalg::solvers::SolveLstsq;
 use faer::{Mat, Side};

@@ -1,5 +1,6 @@
 //! Recordings: validated stretches of (state, output) data of one system.
 
+pub(crate) use crate::check::check_finite;
 use crate::error::Error;
 use crate::hankel::BlockHankel;
 use serde::{Deserialize, Serialize};
@@ -238,19 +239,5 @@ fn units(
             Ok(all.iter().map(|unit| unit.as_ref().trim().to_string()).collect())
         }
         _ => Err(Error::shape(argument, format!("1 or {channels} names"), given.len())),
-    }
-}
-
-/// Rejects NaN and infinity, naming the place.
-pub(crate) fn check_finite(
-    argument: &'static str,
-    values: &[f64],
-    width: usize,
-) -> Result<(), Error> {
-    match values.iter().position(|v| !v.is_finite()) {
-        None => Ok(()),
-        Some(k) => {
-            Err(Error::NotFinite { argument, row: k / width, column: k % width, value: values[k] })
-        }
     }
 }

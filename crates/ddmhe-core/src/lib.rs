@@ -32,9 +32,8 @@
 //! channels: at rest in the recording, or an angle that jumps by a turn.
 //! [`defaults`] is the rule for settings that are not given; [`tol`] holds every tolerance with its reason.
 //!
-//! The second method of the crate puts a guaranteed interval around a state: [`interval`]
-//! (arithmetic that rounds outward),
-//! [`Zonotope`], [`observer`] ([`IntervalObserver`]: a zonotope, an ellipsoid and a box side by side).
+//! The second method, a guaranteed interval around a state, is the crate `ddmhe-interval`, whose
+//! names are re-exported here: [`interval`], [`Zonotope`], [`observer`] ([`IntervalObserver`]).
 //!
 //! # Notation
 //! m = M_t outputs in the window, N windows of the recording, d = (m+1) n + m p rows of a window, r
@@ -80,26 +79,21 @@
 mod active_set;
 mod certificate;
 mod challenge;
-mod check;
 mod config;
 pub mod defaults;
 mod design;
-mod error;
 mod estimate;
 mod excitation;
 mod filter;
 mod hankel;
 mod history;
 mod interrupt;
-pub mod interval;
 mod many;
 mod memory;
 mod mhe;
-pub mod observer;
 mod panels;
 mod qp;
 mod reduction;
-mod rounding;
 pub mod snapshot;
 pub mod space;
 mod start;
@@ -112,22 +106,23 @@ mod watch;
 mod way_out;
 mod weights;
 mod window;
-mod zonotope;
+
+use ddmhe_interval::{check, error};
+
+pub use ddmhe_interval::{
+    Error, Interval, IntervalEstimate, IntervalObserver, Reduction, Zonotope, interval, observer,
+};
 
 pub use certificate::{Certificate, Disturbance, Model, Uncertainty, minimum_horizon};
 pub use config::{Bounds, Center, Config, Settings, Start, Weighting};
-pub use error::Error;
 pub use estimate::{Estimate, Log};
 pub use excitation::RankReport;
 pub use hankel::BlockHankel;
 pub use history::History;
 pub use interrupt::Interrupt;
-pub use interval::Interval;
 pub use many::{run_copies, run_many, run_recordings};
 pub use mhe::DdMhe;
-pub use observer::{IntervalEstimate, IntervalObserver};
 pub use space::{Scaling, Space, TrajectorySpace};
 pub use status::Status;
 pub use variation::noise_levels;
 pub use watch::wrapped_angle;
-pub use zonotope::{Reduction, Zonotope};

@@ -1,4 +1,4 @@
-//! Small dense programmes, the only file that names Clarabel: what it proposes where the dual
+//! Small dense programmes, the only file of the crate that names Clarabel: what it proposes where the dual
 //! active-set method of `active_set` is not certain. Nothing that it says is believed: `way_out`
 //! checks the points and the multipliers.
 //!
@@ -106,39 +106,6 @@ pub(crate) fn least_excess(A: MatRef<'_, f64>, lo: &[f64], hi: &[f64]) -> Option
             .collect(),
         iterations: solver.solution.iterations,
     })
-}
-
-/// min ‖ξ‖∞ subject to M ξ = d, M (n × m) given by columns: a primal and a dual point near the
-/// optimum, ξ (m) and y (n) of max dᵀy subject to ‖Mᵀy‖₁ ≤ 1. What they prove is for the caller to
-/// check; None if the solver rejects the data.
-pub(crate) fn least_max_norm(columns: &[f64], d: &[f64]) -> Option<(Vec<f64>, Vec<f64>)> {
-    let (n, m) = (d.len(), columns.len() / d.len());
-    // Variables (ξ, t): M ξ = d; ξ - t ≤ 0; -ξ - t ≤ 0.
-    let mut A = Mat::zeros(n + 2 * m, m + 1);
-    for j in 0..m {
-        (0..n).for_each(|i| A[(i, j)] = columns[j * n + i]);
-        for (row, sign) in [(n + j, 1.0), (n + m + j, -1.0)] {
-            A[(row, j)] = sign;
-            A[(row, m)] = -1.0;
-        }
-    }
-    let mut b = d.to_vec();
-    b.resize(n + 2 * m, 0.0);
-    let mut cost = vec![0.0; m];
-    cost.push(1.0);
-    let cones = [ZeroConeT(n), NonnegativeConeT(2 * m)];
-    let sparse = dense_to_csc(A.as_ref());
-    let mut solver = DefaultSolver::new(
-        &CscMatrix::zeros((m + 1, m + 1)),
-        &cost,
-        &sparse,
-        &b,
-        &cones,
-        settings(),
-    )
-    .ok()?;
-    solver.solve();
-    Some((solver.solution.x[..m].to_vec(), solver.solution.z[..n].iter().map(|z| -z).collect()))
 }
 
 fn dense_to_csc(A: MatRef<'_, f64>) -> CscMatrix<f64> {

@@ -51,9 +51,7 @@ pub const GUARD: usize = 8;
 /// written to text.
 pub const SYMMETRIC: f64 = 1e-9;
 
-/// A point counts as inside a zonotope when it is inside the one larger by this factor: the linear
-/// programme behind the answer is solved to about 1e-11.
-pub const MEMBER: f64 = 1e-9;
+pub use ddmhe_interval::tol::MEMBER;
 
 /// The dual active-set method takes in a row that is violated by more than this, in standard
 /// deviations: below what the final check asks for, [`ACTIVE_SET`], and above rounding.

@@ -1,10 +1,10 @@
 //! Many settings tried on held-out parts of a recording, in parallel: the work behind tuning.
 
-use crate::check::check_vector;
+use crate::check::{check_finite, check_vector};
 use crate::config::{Config, Start};
 use crate::error::Error;
 use crate::filter::{Filters, is_linear};
-use crate::history::{History, check_finite};
+use crate::history::History;
 use crate::interrupt::on_all_cores;
 use crate::mhe::DdMhe;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};

@@ -1,8 +1,7 @@
 //! The linear parts of a system with its bounds, and an observer's gain: checked once.
 
-use crate::check::check_vector;
+use crate::check::{check_finite, check_vector};
 use crate::error::Error;
-use crate::history::check_finite;
 use crate::interval::Interval;
 
 /// The linear parts of (13), the bounds (14) and (17). Matrices are row-major.

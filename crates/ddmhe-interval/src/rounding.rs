@@ -4,6 +4,7 @@
 //! one (Knuth; Dekker): what was exact is told from what was rounded, and only the latter is paid
 //! for.
 
+use crate::tol;
 use faer::linalg::solvers::DenseSolveCore;
 use faer::{Mat, Side};
 
@@ -12,10 +13,6 @@ pub(crate) const TINY: f64 = 5e-324;
 
 /// Products at least this large have an error that is a float.
 const SPLITS: f64 = 1e-280;
-
-/// Generators are made longer by at most this relative amount; beyond it axis-parallel ones are
-/// added.
-const LONGER: f64 = 1e-9;
 
 /// a + b or the next float above it.
 pub(crate) fn add_up(a: f64, b: f64) -> f64 {
@@ -53,6 +50,11 @@ pub(crate) fn dot(a: &[f64], b: &[f64]) -> (f64, f64) {
         total = next;
     }
     (total, lost)
+}
+
+/// A x, A row-major with x.len() columns.
+pub(crate) fn map(A: &[f64], x: &[f64]) -> Vec<f64> {
+    A.chunks_exact(x.len()).map(|row| row.iter().zip(x).map(|(a, b)| a * b).sum()).collect()
 }
 
 /// Σ|v| of k numbers is at most this times its floating-point value.
@@ -116,7 +118,7 @@ pub(crate) fn widen(n: usize, columns: &mut Vec<f64>, lost: &[f64]) {
 /// there is a ζ with |ζ| ≤ δ all the same.
 fn lengthened(n: usize, columns: &mut [f64], lost: &[f64]) -> Option<()> {
     let (m, h) = (columns.len() / n, row_sums(n, columns));
-    if m < n || h.iter().any(|h| !(1e-280..1e300).contains(h)) {
+    if m < n || h.iter().any(|h| !tol::ROW_SUMS.contains(h)) {
         return None;
     }
     let M = Mat::from_fn(n, m, |i, j| columns[j * n + i] / h[i]);
@@ -127,11 +129,12 @@ fn lengthened(n: usize, columns: &mut [f64], lost: &[f64]) -> Option<()> {
     };
     let off = (0..n).map(|i| entries(&product, i)).fold(0.0, f64::max);
     let reach = (0..m).map(|j| (0..n).map(|i| R[(j, i)].abs()).sum::<f64>()).fold(0.0, f64::max);
-    // reach < 1e4 keeps what these few floats are off by below a thousandth: the factor 2 holds it,
-    // and 1/(1 - ‖Δ‖)
+    // the bounds on `off` and `reach` keep what these few floats are off by below a thousandth:
+    // the factor 2 holds it, and 1/(1 - ‖Δ‖)
     let b = lost.iter().zip(&h).map(|(l, h)| l / h).fold(0.0, f64::max) + 4.0 * f64::EPSILON;
     let delta = 2.0 * reach * b;
-    if !(off < 1e-3 && reach < 1e4 && m < 1_000_000 && delta < LONGER) {
+    let proved = off < tol::INVERSE && reach < tol::INVERSE_SIZE && m < tol::GENERATORS;
+    if !(proved && delta < tol::LONGER) {
         return None;
     }
     let factor = (1.0 + delta).next_up();

@@ -1,11 +1,11 @@
 //! Order reduction: a zonotope of fewer generators that holds the one given, with outward rounding.
 
-use super::map;
-use crate::rounding::{diagonal, inflation, row_sums};
+use crate::rounding::{diagonal, inflation, map, row_sums};
+use crate::tol;
 use faer::{Mat, Side};
 use std::borrow::Cow;
 
-/// How [`Zonotope::reduce`](super::Zonotope::reduce) encloses a zonotope by one of fewer
+/// How [`Zonotope::reduce`](crate::Zonotope::reduce) encloses a zonotope by one of fewer
 /// generators.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Reduction {
@@ -21,6 +21,22 @@ pub enum Reduction {
     /// As Girard, but boxed along the principal axes of the generators that go (Kopetzki,
     /// Schürmann, Althoff 2017).
     Pca,
+}
+
+impl Reduction {
+    /// All of them.
+    pub const ALL: [Reduction; 4] =
+        [Reduction::Girard, Reduction::Combastel, Reduction::Pca, Reduction::Paper];
+
+    /// The reduction as the word that users write.
+    pub fn as_str(self) -> &'static str {
+        match self {
+            Reduction::Paper => "paper",
+            Reduction::Girard => "girard",
+            Reduction::Combastel => "combastel",
+            Reduction::Pca => "pca",
+        }
+    }
 }
 
 /// ↓q in place: columns that are all zero go, then the q - n that `method` ranks first stay and a
@@ -67,7 +83,7 @@ fn oriented_box(n: usize, columns: &[f64]) -> Vec<f64> {
     }
     // squares of very large or small numbers leave the floats: the axes are those of the set in
     // another unit
-    let sized: Cow<'_, [f64]> = match (1e-100..1e100).contains(&total) {
+    let sized: Cow<'_, [f64]> = match tol::SQUARED.contains(&total) {
         true => columns.into(),
         false => columns.iter().map(|v| libm::scalbn(*v, -libm::ilogb(total))).collect(),
     };
@@ -84,10 +100,10 @@ fn oriented_box(n: usize, columns: &[f64]) -> Vec<f64> {
         }
     }
     skew += 2.0 * n as f64 * f64::EPSILON;
-    if !(skew < 1e-12) {
+    if !(skew < tol::SKEW) {
         return boxed();
     }
-    // The rest is a vector of entries at most skew·total; Vᵀ and V⁻¹ agree to 1e-12 there, hence
+    // The rest is a vector of entries at most skew·total; Vᵀ and V⁻¹ agree to SKEW there, hence
     // the factor 2. MIN_POSITIVE: what products may lose where they fall below the normal numbers.
     let extra =
         2.0 * n as f64 * (skew + (n as f64 + 2.0) * f64::EPSILON) * total + f64::MIN_POSITIVE;

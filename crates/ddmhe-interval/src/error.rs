@@ -1,5 +1,6 @@
-//! What can be wrong with an input. A solver's outcome is never an error: see
-//! [`Status`](crate::Status).
+//! What can be wrong with an input, of an interval observer or of any estimator of `ddmhe-core`,
+//! which re-exports it: whoever implements [`Dynamics`](crate::observer::Dynamics) and whoever
+//! catches the error of a step name one type. A solver's outcome is never an error.
 
 use thiserror::Error as ThisError;
 
@@ -68,27 +69,18 @@ pub enum Error {
 }
 
 impl Error {
-    pub(crate) fn shape(
-        argument: &'static str,
-        expected: impl ToString,
-        found: impl ToString,
-    ) -> Self {
+    /// [`Error::Shape`] of what prints as text.
+    pub fn shape(argument: &'static str, expected: impl ToString, found: impl ToString) -> Self {
         Error::Shape { argument, expected: expected.to_string(), found: found.to_string() }
     }
 
-    pub(crate) fn value(
-        argument: &'static str,
-        expected: impl ToString,
-        found: impl ToString,
-    ) -> Self {
+    /// [`Error::Value`] of what prints as text.
+    pub fn value(argument: &'static str, expected: impl ToString, found: impl ToString) -> Self {
         Error::Value { argument, expected: expected.to_string(), found: found.to_string() }
     }
 
-    pub(crate) fn rank(
-        argument: &'static str,
-        expected: impl ToString,
-        found: impl ToString,
-    ) -> Self {
+    /// [`Error::Rank`] of what prints as text.
+    pub fn rank(argument: &'static str, expected: impl ToString, found: impl ToString) -> Self {
         Error::Rank { argument, expected: expected.to_string(), found: found.to_string() }
     }
 }

@@ -1,32 +1,22 @@
-//! What the observer asks of a system's nonlinear part, and the systems that ship with it.
+//! The dynamics that ship with the observer.
 
 use crate::error::Error;
 use crate::interval::{Interval, dot, points, weighted};
+use crate::observer::dynamics::Dynamics;
 use crate::rounding::inflation;
 
-/// The nonlinear part f of the system and its Jacobian. Implementations must enclose: the guarantee
-/// rests on them.
-pub trait Dynamics {
-    /// Encloses f(x) at a single point (n). Wider than rounding where f depends on parameters known
-    /// within bounds.
-    ///
-    /// # Errors
-    /// What the implementation cannot compute.
-    fn value(&self, x: &[f64], out: &mut [Interval]) -> Result<(), Error>;
+/// A system without a nonlinear part.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Linear;
 
-    /// Encloses every entry of Df over a box (n), row-major (n·n).
-    ///
-    /// # Errors
-    /// What the implementation cannot compute.
-    fn jacobian(&self, x: &[Interval], out: &mut [Interval]) -> Result<(), Error>;
+impl Dynamics for Linear {
+    fn value(&self, _x: &[f64], out: &mut [Interval]) -> Result<(), Error> {
+        out.fill(Interval::ZERO);
+        Ok(())
+    }
 
-    /// Bound on |y - C x - r - D2 v| over a box (n), (p): zero unless C or r are known within
-    /// bounds only.
-    ///
-    /// # Errors
-    /// What the implementation cannot compute.
-    fn output_error(&self, _x: &[Interval], out: &mut [f64]) -> Result<(), Error> {
-        out.fill(0.0);
+    fn jacobian(&self, _x: &[Interval], out: &mut [Interval]) -> Result<(), Error> {
+        out.fill(Interval::ZERO);
         Ok(())
     }
 }
@@ -143,37 +133,6 @@ impl Dynamics for Uncertain {
         for (out, row) in out.iter_mut().zip(&self.rows[self.n..]) {
             *out = self.radius(row, x);
         }
-        Ok(())
-    }
-}
-
-/// Any of them behind a pointer.
-impl<D: Dynamics + ?Sized> Dynamics for Box<D> {
-    fn value(&self, x: &[f64], out: &mut [Interval]) -> Result<(), Error> {
-        (**self).value(x, out)
-    }
-
-    fn jacobian(&self, x: &[Interval], out: &mut [Interval]) -> Result<(), Error> {
-        (**self).jacobian(x, out)
-    }
-
-    fn output_error(&self, x: &[Interval], out: &mut [f64]) -> Result<(), Error> {
-        (**self).output_error(x, out)
-    }
-}
-
-/// A system without a nonlinear part.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub struct Linear;
-
-impl Dynamics for Linear {
-    fn value(&self, _x: &[f64], out: &mut [Interval]) -> Result<(), Error> {
-        out.fill(Interval::ZERO);
-        Ok(())
-    }
-
-    fn jacobian(&self, _x: &[Interval], out: &mut [Interval]) -> Result<(), Error> {
-        out.fill(Interval::ZERO);
         Ok(())
     }
 }

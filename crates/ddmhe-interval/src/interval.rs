@@ -7,6 +7,7 @@
 //! directed rounding but builds its elementary functions only with MPFR and needs AVX at compile
 //! time, so it does not serve ordinary targets.)
 
+use crate::tol;
 use serde::{Deserialize, Serialize};
 use std::f64::consts::PI;
 use std::ops::{Add, Div, Mul, Neg, Sub};
@@ -137,8 +138,7 @@ impl Interval {
     /// monotone between.
     fn wave(self, f: fn(f64) -> f64, shift: Interval) -> Self {
         const WHOLE: Interval = Interval { lo: -1.0, hi: 1.0 };
-        // Beyond 2^50 the quotient by π has no correct parity; a width of 7 holds a whole period.
-        if self.mag() > 1e15 || self.width() > 7.0 {
+        if self.mag() > tol::PHASE || self.width() > tol::PERIOD {
             return WHOLE;
         }
         let pi = Interval { lo: PI, hi: PI.next_up() }; // the float PI is below π

@@ -6,18 +6,12 @@
 //! larger by what was rounded away. Membership is to 1e-9 of the set's size and never refuses a
 //! point of the set; the volume is rounded like any other number.
 
-use crate::check::check_vector;
+use crate::check::{check_finite, check_vector};
 use crate::error::Error;
-use crate::history::check_finite;
 use crate::interval::Interval;
-use crate::rounding::{add_up, diagonal, dot, inflation, row_sums, sum, widen};
-use crate::{qp, tol};
-use faer::Mat;
-
-mod reduce;
-
-pub use reduce::Reduction;
-pub(crate) use reduce::reduce;
+use crate::membership::holds;
+use crate::reduce::{Reduction, reduce};
+use crate::rounding::{add_up, diagonal, dot, map, row_sums, sum, widen};
 
 /// A zonotope in n dimensions. Generators are stored one after another (column-major, n numbers
 /// each).
@@ -218,59 +212,12 @@ impl Zonotope {
     /// # Errors
     /// Shape or value of x.
     pub fn contains(&self, x: &[f64]) -> Result<bool, Error> {
-        let n = self.n();
-        check_vector("x", x, n)?;
+        check_vector("x", x, self.n())?;
         // every row in a unit, a power of two, in which its numbers are below one: sums cannot
         // leave the floats
         let units = self.units(x);
-        let scaled = |v: &[f64]| -> Vec<f64> {
-            v.iter().zip(units.iter().cycle()).map(|(v, u)| libm::scalbn(*v, -u)).collect()
-        };
-        let (x, generators) = (&scaled(x)[..], &scaled(&self.generators)[..]);
-        let d: Vec<f64> = x.iter().zip(scaled(&self.center)).map(|(x, c)| x - c).collect();
-        let half = row_sums(n, generators);
-        let room = 1.0 + tol::MEMBER;
-        if d.iter()
-            .zip(&half)
-            .zip(x)
-            .any(|((d, h), x)| d.abs() > h * room + 2.0 * f64::EPSILON * x.abs())
-        {
-            return Ok(false);
-        }
-        // Flat directions and units of different size: work in units of the half widths.
-        let kept: Vec<usize> = (0..n).filter(|&i| half[i] > 0.0).collect();
-        if kept.is_empty() {
-            return Ok(true);
-        }
-        let d: Vec<f64> = kept.iter().map(|&i| d[i] / half[i]).collect();
-        let columns: Vec<f64> =
-            generators.chunks_exact(n).flat_map(|g| kept.iter().map(|&i| g[i] / half[i])).collect();
-        let rest = |xi: &[f64]| -> Vec<f64> {
-            let image =
-                |i: usize| (0..xi.len()).map(|j| columns[j * d.len() + i] * xi[j]).sum::<f64>();
-            (0..d.len()).map(|i| d[i] - image(i)).collect()
-        };
-        // ξ moved onto M ξ = d: does it prove that x is in?
-        let proves = |xi: &[f64]| {
-            least_norm(&columns, &rest(xi)).is_some_and(|step| {
-                let xi: Vec<f64> = xi.iter().zip(step).map(|(a, b)| a + b).collect();
-                xi.iter().all(|v| v.abs() <= room)
-                    && rest(&xi).iter().all(|r| r.abs() <= tol::MEMBER)
-            })
-        };
-        if proves(&vec![0.0; columns.len() / d.len()]) {
-            return Ok(true);
-        }
-        let Some((xi, y)) = qp::least_max_norm(&columns, &d) else { return Ok(true) };
-        if proves(&xi) {
-            return Ok(true);
-        }
-        // only a plane between the point and the set refuses it, its normal y however good; in
-        // units of the half widths the products and the divisions round by this much
-        let reach: f64 = columns.chunks_exact(d.len()).map(|g| map(&y, g)[0].abs()).sum();
-        let size: f64 = y.iter().zip(&d).map(|(y, d)| y.abs() * (1.0 + d.abs())).sum();
-        let apart = map(&y, &d)[0] > reach * room + (n as f64 + 6.0) * f64::EPSILON * size;
-        Ok(!apart)
+        let (x, center) = (in_units(x, &units), in_units(&self.center, &units));
+        Ok(holds(&center, &in_units(&self.generators, &units), &x))
     }
 
     /// Exponents of two of each row's largest number, those of x (n) among them.
@@ -301,13 +248,8 @@ impl Zonotope {
         }
         let spread = Zonotope { center: vec![0.0; n], generators: self.generators.clone() };
         let units = spread.units(&vec![0.0; n]);
-        let scaled: Vec<f64> = self
-            .generators
-            .iter()
-            .zip(units.iter().cycle())
-            .map(|(v, u)| libm::scalbn(*v, -u))
-            .collect();
-        let volume = libm::scalbn(small_volume(n, &scaled), units.iter().sum());
+        let volume =
+            libm::scalbn(small_volume(n, &in_units(&self.generators, &units)), units.iter().sum());
         finite("volume", &[volume])?;
         Ok(volume)
     }
@@ -325,6 +267,11 @@ impl Zonotope {
         finite("generators", &generators)?;
         Ok(Zonotope::from_parts(self.center.clone(), generators))
     }
+}
+
+/// Rows (n each) in units of 2^`units`.
+fn in_units(rows: &[f64], units: &[i32]) -> Vec<f64> {
+    rows.iter().zip(units.iter().cycle()).map(|(v, u)| libm::scalbn(*v, -u)).collect()
 }
 
 /// Value error of `argument` unless every result is a number.
@@ -355,81 +302,4 @@ fn small_volume(n: usize, generators: &[f64]) -> f64 {
             8.0 * triples.sum::<f64>()
         }
     }
-}
-
-/// Bounds of dᵀe over all e of ⟨0, M⟩ with aᵀe in `strip`; None if there is no such e.
-///
-/// One two-sided constraint leaves a linear programme whose dual has one variable: for every ν dᵀe
-/// ≤ Σ|dᵀg - ν aᵀg| + max(ν strip), so whatever ν is found the bound holds; the best one is at a
-/// kink dᵀg/aᵀg or at 0. `sums` are the [`row_sums`] of the columns.
-pub(crate) fn strip_range(
-    columns: &[f64],
-    sums: &[f64],
-    d: &[f64],
-    a: &[f64],
-    strip: Interval,
-) -> Option<Interval> {
-    let n = d.len();
-    let inner = |x: &[f64], g: &[f64]| x.iter().zip(g).map(|(x, g)| x * g).sum::<f64>();
-    let images: Vec<(f64, f64)> =
-        columns.chunks_exact(n).map(|g| (inner(d, g), inner(a, g))).collect();
-    // what rounding may have taken from the images, summed over the generators; MIN_POSITIVE: below
-    // the normal numbers
-    let lost = |x: &[f64]| {
-        let size: f64 = x.iter().zip(sums).map(|(x, s)| x.abs() * s).sum();
-        (n as f64 + 2.0) * f64::EPSILON * size + f64::MIN_POSITIVE
-    };
-    let (lost_d, lost_a) = (lost(d), lost(a));
-    let upper = |sign: f64| -> f64 {
-        let bound = |nu: f64| {
-            let sum: f64 = images.iter().map(|(d, a)| (sign * d - nu * a).abs()).sum();
-            let size: f64 = images.iter().map(|(d, a)| d.abs() + (nu * a).abs()).sum();
-            let strip = if nu == 0.0 { 0.0 } else { (Interval::point(nu) * strip).hi };
-            let rounding = lost_d + nu.abs() * lost_a + 4.0 * f64::EPSILON * size;
-            (sum + rounding + strip.max(0.0)) * inflation(images.len()) + strip.min(0.0)
-        };
-        if !(strip.lo.is_finite() && strip.hi.is_finite()) {
-            return bound(0.0);
-        }
-        let mut kinks: Vec<(f64, f64)> = images
-            .iter()
-            .filter(|(_, a)| *a != 0.0)
-            .map(|(d, a)| (sign * d / a, 2.0 * a.abs()))
-            .filter(|(at, _)| at.is_finite())
-            .collect();
-        kinks.push((0.0, strip.hi - strip.lo));
-        kinks.sort_unstable_by(|x, y| x.0.total_cmp(&y.0));
-        let mut slope =
-            strip.lo - kinks.iter().map(|k| k.1).sum::<f64>() / 2.0 + (strip.hi - strip.lo) / 2.0;
-        let mut nu = 0.0;
-        for (at, change) in kinks {
-            slope += change;
-            if slope >= 0.0 {
-                nu = at;
-                break;
-            }
-        }
-        let found = bound(nu).min(bound(0.0));
-        found + 4.0 * f64::EPSILON * found.abs()
-    };
-    let (lo, hi) = (-upper(-1.0), upper(1.0));
-    // generators that have left all floats say nothing
-    if lo.is_finite() && hi.is_finite() { Interval::new(lo, hi) } else { Some(Interval::ENTIRE) }
-}
-
-/// A x, A row-major with x.len() columns.
-pub(crate) fn map(A: &[f64], x: &[f64]) -> Vec<f64> {
-    A.chunks_exact(x.len()).map(|row| row.iter().zip(x).map(|(a, b)| a * b).sum()).collect()
-}
-
-/// ξ = M† d.
-fn least_norm(columns: &[f64], d: &[f64]) -> Option<Vec<f64>> {
-    let (n, m) = (d.len(), columns.len() / d.len());
-    let M = Mat::from_fn(n, m, |i, j| columns[j * n + i]);
-    let svd = M.thin_svd().ok()?;
-    let sigma = svd.S().column_vector();
-    let rank = (0..sigma.nrows()).take_while(|&k| sigma[k] > 1e-12 * sigma[0]).count();
-    let weight: Vec<f64> =
-        (0..rank).map(|k| (0..n).map(|i| svd.U()[(i, k)] * d[i]).sum::<f64>() / sigma[k]).collect();
-    Some((0..m).map(|j| (0..rank).map(|k| svd.V()[(j, k)] * weight[k]).sum()).collect())
 }
