@@ -32,7 +32,9 @@ mod _core {
     #[pymodule_export]
     use crate::history::{History, RankReport, noise_levels, wrapped_angle};
     #[pymodule_export]
-    use crate::interval::{Bounds, IntervalLog, ObserverCore, Zonotope, interval_operation};
+    use crate::interval::{
+        Dynamics, IntervalEstimate, IntervalLog, ObserverCore, Zonotope, interval_operation,
+    };
     #[pymodule_export]
     use crate::log::Log;
     #[pymodule_export]

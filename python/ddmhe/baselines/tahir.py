@@ -78,7 +78,7 @@ class TahirIntervalObserver:
             raise DdmheError(
                 f"system: expected a ddmhe.interval.System, found {type(system).__name__}"
             )
-        if system.kind is not None and system.kind[0] in ("uncertain", "euler"):
+        if not system.dynamics.exact:
             raise DdmheError(
                 "system: expected one whose f is known exactly, found parameters within bounds"
             )

@@ -7,7 +7,9 @@ recording only.
 >>> import ddmhe
 >>> s = ddmhe.interval.pendulum()
 >>> g = ddmhe.interval.design_observer(s, lam=0.5)
->>> o = ddmhe.interval.IntervalObserver(s, g, [0.98, 0.02], [0.1, 1.0], w_radius=0.006, v_radius=0.01)
+>>> o = ddmhe.interval.IntervalObserver(
+...     s, g, [0.98, 0.02], [0.1, 1.0], w_radius=0.006, v_radius=0.01
+... )
 >>> b = o.step([1.0])   # b.lower <= x(1) <= b.upper for every motion that the bounds allow
 
 `from_history` needs no model: bounds on the noise of a recording do. Source: the paper "Interval

@@ -22,7 +22,7 @@ import scipy.linalg
 import scipy.optimize
 from numpy.typing import ArrayLike, NDArray
 
-from ddmhe._core import DdmheError, History, ModelViolationError, RankError, ShapeError
+from ddmhe._core import DdmheError, Dynamics, History, ModelViolationError, RankError, ShapeError
 from ddmhe.design.arguments import check_number
 from ddmhe.design.model import samples
 from ddmhe.interval.observer import IntervalObserver
@@ -77,11 +77,15 @@ class DataModel:
         )
         low, high = (", ".join(f"{x:.3g}" for x in side) for side in (self.lower, self.upper))
         return (
-            "Guaranteed for every system x+ = A x + e + w, y = C x + r + v that the recording allows with "
-            f"|w| <= ({w}) and |v| <= ({v}), then and now. The recorded states count as true, so their errors belong "
-            "into w and v; so does whatever an affine system does not follow. No affine system satisfies less than "
+            "Guaranteed for every system x+ = A x + e + w, y = C x + r + v that the recording "
+            "allows with "
+            f"|w| <= ({w}) and |v| <= ({v}), then and now. The recorded states count as true, so "
+            "their errors belong "
+            "into w and v; so does whatever an affine system does not follow. No affine system "
+            "satisfies less than "
             f"|w| <= ({least_w}), |v| <= ({least_v}) on the recording. "
-            f"Recorded: from ({low}) to ({high}); outside of this range the guarantee holds only for a system that is "
+            f"Recorded: from ({low}) to ({high}); outside of this range the guarantee holds only "
+            "for a system that is "
             "affine there, too."
         )
 
@@ -179,7 +183,8 @@ def from_history(
             box = (to_theta * side).T.ravel()
         if not np.isfinite([*center, *box]).all():
             raise DdmheError(
-                f"history: expected parameters within floats, found some beyond in row {row}; use other units"
+                f"history: expected parameters within floats, found some beyond in row {row}; use "
+                "other units"
             )
         rows.append([float(g) for g in box])
         centers.append(center)
@@ -188,8 +193,8 @@ def from_history(
     A, e, C, r = theta[:n, :n], theta[:n, n], theta[n:, :n], theta[n:, n]
     reach = np.array([np.abs(np.reshape(row, (-1, n + 1)))[:, :n].sum(axis=0) for row in rows[:n]])
     bound = np.nextafter(reach, np.inf)
-    kind = ("uncertain", rows, [float(value) for value in e])
-    system = System(A, C, np.eye(n), np.eye(p), None, None, -bound, bound, r=r, kind=kind)
+    f = Dynamics.uncertain(rows, [float(value) for value in e])
+    system = System(A, C, np.eye(n), np.eye(p), None, None, -bound, bound, r=r, dynamics=f)
     design = fixed_gain(system, steady_gain(A, C, w, v) if gain is None else gain)
     x_last = history.recordings[-1][0][-1]
     return DataModel(
@@ -214,7 +219,8 @@ def _orthonormal(history: History) -> tuple[Array, Array, Array, Array]:
     U, s, Vt = scipy.linalg.svd(np.hstack([(X0 - middle) / half, raw[:, n:]]), full_matrices=False)
     if len(s) < n + 1 or s[-1] <= 1e-12 * s[0]:
         raise RankError(
-            f"history: expected {n + 1} independent rows (x, 1), found rank {int((s > 1e-12 * s[0]).sum())}"
+            f"history: expected {n + 1} independent rows (x, 1), found rank "
+            f"{int((s > 1e-12 * s[0]).sum())}"
         )
     # θ·(x, 1) = β·z with z = S⁻¹ V (scaled x, 1), so θ = T β
     to_scaled = np.zeros((n + 1, n + 1))
@@ -272,7 +278,8 @@ def _admitted(argument: str, value: Any, least: Array, kappa: float, names: Sequ
             f"{_rounded_up(r)} for {name}" for r, name in zip(least, names, strict=True)
         )
         raise ModelViolationError(
-            f"{argument}: expected a bound that an affine system satisfies on the recording, at least {smallest}, "
+            f"{argument}: expected a bound that an affine system satisfies on the recording, at "
+            f"least {smallest}, "
             f"found {', '.join(f'{r:g}' for r in np.unique(radius))}"
         )
     return radius
@@ -305,12 +312,14 @@ def _extent(
             found = _programme(cost, rows, limits, (None, None))
             if found.status == 2:
                 raise ModelViolationError(
-                    f"{argument}: expected a bound that an affine system satisfies on the recording, found {radius:g}; "
+                    f"{argument}: expected a bound that an affine system satisfies on the "
+                    f"recording, found {radius:g}; "
                     f"least squares misses row {name} by up to {np.abs(residual).max() * scale:.3g}"
                 )
             if found.status != 0:
                 raise DdmheError(
-                    f"history: expected a bounded set of systems, found that row {name}: {found.message}"
+                    f"history: expected a bounded set of systems, found that row {name}: "
+                    f"{found.message}"
                 )
             # a point with constraints kept to TOLERANCE: the optimum may lie beyond by what the
             # multipliers weigh them

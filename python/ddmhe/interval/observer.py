@@ -15,6 +15,8 @@ Array = NDArray[np.float64]
 
 __all__ = ["IntervalObserver"]
 
+ORDER, METHOD, REDUCTION = ObserverCore.defaults()
+
 
 class IntervalObserver:
     """Bounds that hold the state for every motion that system and radii allow.
@@ -51,9 +53,9 @@ class IntervalObserver:
         x0_radius: ArrayLike,
         w_radius: ArrayLike,
         v_radius: ArrayLike,
-        order: int = 20,
-        method: str = "tight",
-        reduction: str = "pca",
+        order: int = ORDER,
+        method: str = METHOD,
+        reduction: str = REDUCTION,
     ) -> None:
         """Check every argument and start at x(0)."""
         if not isinstance(system, System):
@@ -65,7 +67,8 @@ class IntervalObserver:
         if design.gain.shape != (system.n, system.p):
             found = f"{design.gain.shape}"
             raise ShapeError(
-                f"design: expected one for {system.n} states and {system.p} outputs, found a gain {found}"
+                f"design: expected one for {system.n} states and {system.p} outputs, found a gain "
+                f"{found}"
             )
         center = matrix("x0_center", x0_center, (system.n,))
         parts: dict[str, Any] = {
@@ -98,7 +101,7 @@ class IntervalObserver:
             reduction,
         )
         self._core = ObserverCore(
-            system.kind, parts, gain, center.tolist(), start.tolist(), order, method, reduction
+            system.dynamics, parts, gain, center.tolist(), start.tolist(), order, method, reduction
         )
 
     def __getstate__(self) -> tuple[tuple[Any, ...], bytes]:

@@ -157,7 +157,8 @@ def steady_gain(
         ) from e
     if not np.isfinite(gain).all():
         raise DdmheError(
-            "gain: expected a system with a steady Kalman filter, found one beyond floats; give a gain"
+            "gain: expected a system with a steady Kalman filter, found one beyond floats; give a "
+            "gain"
         )
     return gain
 
@@ -326,6 +327,8 @@ def _smallest_gamma(
 def _advice(at: str, system: System) -> str:
     free = int((system.j_lo < system.j_hi).sum())
     return (
-        f"lam: expected a gain that satisfies (41) at all {1 << free} vertices of [j_lo, j_hi], found none for {at}; "
-        "a smaller λ, narrower j_lo and j_hi, or another output may help; `fixed_gain` needs no such proof"
+        f"lam: expected a gain that satisfies (41) at all {1 << free} vertices of [j_lo, j_hi], "
+        f"found none for {at}; "
+        "a smaller λ, narrower j_lo and j_hi, or another output may help; `fixed_gain` needs no "
+        "such proof"
     )

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ddmhe import models
-from ddmhe._core import DdmheError, NotFiniteError, ShapeError, numbers
+from ddmhe._core import DdmheError, Dynamics, NotFiniteError, ShapeError, numbers
 from ddmhe.checks import check_kind, check_number
 
 Array = NDArray[np.float64]
@@ -83,7 +83,7 @@ class System:
     """(n, n_u), or None without input."""
     r: Array | None = field(default=None, kw_only=True)
     """Offset of the output (p,), or None for zero."""
-    kind: tuple[Any, ...] | None = field(default=None, kw_only=True, repr=False)
+    dynamics: Dynamics = field(default=None, kw_only=True, repr=False)  # type: ignore[assignment]
     """How the core computes f itself; None: it calls f and jacobian."""
 
     def __post_init__(self) -> None:
@@ -118,9 +118,13 @@ class System:
                 raise DdmheError(
                     f"{name}: expected a function, found {type(getattr(self, name)).__name__}"
                 )
-        if self.kind is None:
-            kind = ("linear",) if self.f is None else ("python", self.f, self.jacobian, SLACK)
-            object.__setattr__(self, "kind", kind)
+        if self.dynamics is None:
+            own = self.f is not None
+            found = Dynamics.python(self.f, self.jacobian, SLACK) if own else Dynamics.linear()
+            object.__setattr__(self, "dynamics", found)
+        elif not isinstance(self.dynamics, Dynamics):
+            given = type(self.dynamics).__name__
+            raise DdmheError(f"dynamics: expected a Dynamics of the core, found {given}")
 
     @property
     def n(self) -> int:
@@ -150,42 +154,7 @@ class System:
         return found
 
 
-# The f and Df of the ready-made systems are methods of plain objects: these pickle, nested
-# functions do not.
-
-
-@dataclass(frozen=True)
-class _Sine:
-    """f = (0, -gain sin x1)."""
-
-    gain: float
-
-    def f(self, x: Array) -> Array:
-        return np.array([0.0, -self.gain * np.sin(x[0])])
-
-    def jacobian(self, lo: Array, hi: Array) -> tuple[Array, Array]:
-        # cos is 1 at even and -1 at odd multiples of pi
-        even = np.floor(hi[0] / (2 * np.pi)) >= np.ceil(lo[0] / (2 * np.pi))
-        odd = np.floor((hi[0] / np.pi - 1) / 2) >= np.ceil((lo[0] / np.pi - 1) / 2)
-        ends = np.cos([lo[0], hi[0]])
-        top, bottom = 1.0 if even else ends.max(), -1.0 if odd else ends.min()
-        J_lo, J_hi = np.zeros((2, 2)), np.zeros((2, 2))
-        J_lo[1, 0], J_hi[1, 0] = -self.gain * top, -self.gain * bottom
-        return J_lo, J_hi
-
-
-@dataclass(frozen=True, eq=False)
-class _Euler:
-    """f = (a1 x2 x3, a2 x3 x1, a3 x1 x2), with Df within ±bound."""
-
-    ratios: Array
-    bound: Array
-
-    def f(self, x: Array) -> Array:
-        return np.asarray(self.ratios * np.array([x[1] * x[2], x[2] * x[0], x[0] * x[1]]))
-
-    def jacobian(self, lo: Array, hi: Array) -> tuple[Array, Array]:
-        return -self.bound, self.bound
+# f and Df are methods of a plain object: these pickle, nested functions do not.
 
 
 @dataclass(frozen=True)
@@ -220,10 +189,8 @@ def pendulum(model: models.Pendulum | None = None, dt: float = models.Pendulum.p
     A = np.array([[1.0, dt], [0.0, 1.0]])
     bound = np.array([[0.0, 0.0], [gain, 0.0]])
 
-    C, D2, motion = np.array([[1.0, 0.0]]), np.array([[0.1]]), _Sine(gain)
-    return System(
-        A, C, np.eye(2), D2, motion.f, motion.jacobian, -bound, bound, kind=("pendulum", gain)
-    )
+    C, D2, f = np.array([[1.0, 0.0]]), np.array([[0.1]]), Dynamics.pendulum(gain)
+    return System(A, C, np.eye(2), D2, f.f, f.jacobian, -bound, bound, dynamics=f)
 
 
 def linear(
@@ -250,10 +217,10 @@ def linear(
     if (C_rad < 0).any():
         raise DdmheError(f"C_radius: expected radii of at least 0, found {C_rad.min()}")
     rows = [_axes(row) for row in (*radius, *C_rad)]
-    kind = ("uncertain", rows, [0.0] * n)
+    f = Dynamics.uncertain(rows, [0.0] * n)
     D1, D2 = matrix("D1", D1, (n, -1)), matrix("D2", D2, (len(C), -1))
     B = None if B is None else matrix("B", B, (n, -1))
-    return System(middle, C, D1, D2, None, None, -radius, radius, B, kind=kind)
+    return System(middle, C, D1, D2, None, None, -radius, radius, B, dynamics=f)
 
 
 def _axes(radius: Array) -> list[float]:
@@ -298,16 +265,11 @@ def detumbling(
     bound = off[:, None] * rate_bound * (1 - np.eye(3)) + d_N
     bound = np.nextafter(bound, np.inf) * (bound > 0)
 
-    motion = _Euler(ratios, bound)
-    kind = (
-        "euler",
-        (ratios - d_ratios, ratios + d_ratios),
-        (-d_N.ravel(), d_N.ravel()),
-        [float(v) for v in d_G.ravel()],
+    f = Dynamics.euler(
+        (ratios - d_ratios, ratios + d_ratios), (-d_N.ravel(), d_N.ravel()), d_G.ravel()
     )
-    return System(
-        np.eye(3) + N, G, np.eye(3), np.eye(3), motion.f, motion.jacobian, -bound, bound, kind=kind
-    )
+    eye = np.eye(3)
+    return System(eye + N, G, eye, eye, f.f, f.jacobian, -bound, bound, dynamics=f)
 
 
 def van_der_pol(dt: float = 0.05, mu: float = 1.0, bound: float = 3.0) -> System:
