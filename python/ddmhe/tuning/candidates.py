@@ -23,9 +23,9 @@ settings are tried."""
 HORIZONS = {False: (0.05, 0.1, 0.2), True: (0.13, 0.27, 0.4)}
 """Horizons to try as shares of T, without and with hidden states."""
 LONGEST = 100
-"""Longest horizon to try, as in the default rule: with the default discount older samples weigh less than 0.6 %, and
-the work grows with the third power. The shares are of no longer a recording than the one that
-reaches it."""
+"""Longest horizon to try, as in the default rule: with the default discount older samples weigh
+less than 0.6 %, and the work grows with the third power. The shares are of no longer a recording
+than the one that reaches it."""
 MU = {False: (0.03, 0.3), True: (0.1, 1.0)}
 """μ to try, in units of the recording's spread."""
 LAMBDA = tuple(10.0**k for k in range(-7, 0))
