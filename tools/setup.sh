@@ -74,7 +74,7 @@ if ! printf '%s\n' "$found" | cmp -s - .venv/built-state; then
     rm -f .venv/built-state
     # Cargo goes by times of change: without this it would keep what it built from a newer file.
     [ ! -d "${CARGO_TARGET_DIR:-target}/release" ] ||
-        cargo clean --quiet --release --locked -p ddmhe-interval -p ddmhe-core -p ddmhe-py
+        cargo clean --quiet --release --locked -p ddmhe-run -p ddmhe-interval -p ddmhe-core -p ddmhe-py
     # what the package needs is in requirements-dev.txt; pip says of each that it is there
     PIP_QUIET=1 .venv/bin/maturin develop --release --locked
     state >.venv/built-state

@@ -7,12 +7,14 @@ use crate::defaults::Defaults;
 use crate::error::Error;
 use crate::excitation::check_excitation;
 use crate::history::History;
-use crate::reduction::Shape;
+use crate::plan_builder::{Draft, Ground, Prepared, factorisation};
 use crate::space::{Penalty, Scaling, Selection, Space, WindowStack};
 use crate::tol;
 use crate::watch::Watch;
 use crate::weights::Weights;
-use crate::window::{Limits, WindowProblem};
+use ddmhe_run::layout::Layout;
+use ddmhe_run::plan::{Sizes, kept_depths};
+use std::sync::Arc;
 
 /// One signal of a recording, time-major.
 type Signal = fn(&History, usize) -> &[f64];
@@ -24,10 +26,11 @@ pub(crate) struct Design {
     pub scaling: Scaling,
     pub weights: Weights,
     pub selection: Selection,
-    pub limits: Limits,
-    pub problems: Vec<WindowProblem>, // of depth first, first + 1, …, M
-    pub first: usize, // 1; without those that a start from the recording's end does not need
-    pub rank: usize,  // the highest of all depths
+    pub x_bounds: Option<Bounds>,
+    pub units: pulp::Arch,       // the machine's vector units
+    pub ground: Arc<Ground>,     // what all depths share
+    pub problems: Vec<Prepared>, // of the depths that are kept, ascending, the last M
+    place: Vec<usize>,           // in it, of the deepest that so many outputs fill
     pub spectral_radius: f64,
     pub warnings: Vec<String>,
     pub watch: Watch,
@@ -58,17 +61,10 @@ impl Design {
         let stack = WindowStack::new(history, &scaling, horizon, rest.filter(|_| equilibrium_used));
         let centered = config.x_center == Center::History;
         let problem = |depth: usize, selection: &Selection| {
-            let shape = Shape { n: history.n(), p: history.p(), depth };
-            let space = stack.space(depth, selection);
-            WindowProblem::new(
-                shape,
-                space,
-                &scaling,
-                &weights,
-                (config.x_bounds.as_ref(), centered),
-                None,
-            )
-            .map_err(factorisation)
+            let layout = Layout { n: history.n(), p: history.p(), depth };
+            let (space, bounds) = (stack.space(depth, selection), config.x_bounds.as_ref());
+            Draft::new(layout, space, &scaling, &weights, (bounds, centered), None)
+                .map_err(factorisation)
         };
         let mut selection = select(&config.space, &rule, &weights, history.n());
         let mut deepest = problem(horizon, &selection)?;
@@ -106,11 +102,31 @@ impl Design {
             lambda: deepest.space.lambda,
             equilibrium_used,
         };
-        let first = (filled(history, start, horizon) + 1).min(horizon);
-        let mut problems = (first..horizon)
-            .map(|depth| problem(depth, &selection))
-            .collect::<Result<Vec<_>, _>>()?;
+        let filled = filled(history, start, horizon);
+        let mut depths: Vec<usize> = kept_depths(horizon, true).collect();
+        // with outputs in the window before the first step, shorter ones are never reached
+        let longer = depths.iter().filter(|depth| **depth > filled + 1).count();
+        depths.truncate(longer + 1);
+        let of_depth = |depth: &usize| problem(*depth, &selection);
+        let mut problems = depths[1..].iter().rev().map(of_depth).collect::<Result<Vec<_>, _>>()?;
         problems.push(deepest);
+        let rank = problems.iter().map(Draft::rank).max().unwrap_or(0);
+        let sizes = Sizes {
+            n: history.n(),
+            p: history.p(),
+            horizon,
+            rank,
+            filled,
+            x_bounded: config.x_bounds.is_some(),
+            v_bounded: config.v_bounds.is_some(),
+            centered,
+            plain_noise: config.certificate.is_none(),
+        };
+        let boxes = (config.x_bounds.as_ref(), config.v_bounds.as_ref());
+        let (states, outputs) =
+            first_window(history, &scaling, start, filled, config.x_prior.as_deref());
+        let ground = Arc::new(Ground::new(sizes, &scaling, &weights, boxes, (&states, &outputs)));
+        let problems: Vec<Prepared> = problems.into_iter().map(|draft| draft.on(&ground)).collect();
         let (watch, mut words) = Watch::new(history);
         words.extend(too_little(history, config, &rule, horizon));
         words.extend(warnings(config, &settings, radius));
@@ -125,49 +141,82 @@ impl Design {
             warnings: words,
             watch,
             bound,
-            limits: Limits {
-                x: config.x_bounds.clone(),
-                v: config
-                    .v_bounds
-                    .as_ref()
-                    .map(|v| Bounds { lo: v.lo.repeat(horizon), hi: v.hi.repeat(horizon) }),
-            },
-            rank: problems.iter().map(WindowProblem::rank).max().unwrap_or(0),
+            x_bounds: config.x_bounds.clone(),
+            units: pulp::Arch::new(),
+            ground,
+            place: places(&problems, horizon),
             spectral_radius: radius,
             settings,
             scaling,
             weights,
             selection,
             problems,
-            first,
             centered,
         })
     }
 
-    /// The problem of one depth.
-    pub fn problem(&self, depth: usize) -> Option<&WindowProblem> {
-        self.problems.get(depth.checked_sub(self.first)?)
+    /// The problem of the deepest window that so many outputs fill.
+    #[inline(always)]
+    pub fn problem(&self, outputs: usize) -> &Prepared {
+        &self.problems[self.place[outputs]]
+    }
+
+    /// Where that is among the problems.
+    pub fn place(&self, outputs: usize) -> usize {
+        self.place[outputs]
+    }
+
+    /// Whether no window of a new run is shorter than this.
+    pub fn reaches(&self, outputs: usize) -> bool {
+        self.problems[0].layout().depth <= outputs
     }
 
     /// A full problem without the outputs that were not measured, factored anew.
     pub fn without_missing(
         &self,
-        full: &WindowProblem,
+        full: &Prepared,
         weights: &Weights,
         outputs: &[f64],
-    ) -> Result<WindowProblem, Error> {
+    ) -> Result<Prepared, Error> {
         let measured: Vec<bool> = outputs.iter().map(|v| v.is_finite()).collect();
-        let bounds = (self.limits.x.as_ref(), self.centered);
-        WindowProblem::new(
-            full.shape,
-            full.space.clone(),
-            &self.scaling,
-            weights,
-            bounds,
-            Some(&measured),
-        )
-        .map_err(factorisation)
+        let (layout, space) = (full.layout(), full.space.clone());
+        let bounds = (self.x_bounds.as_ref(), self.centered);
+        Draft::new(layout, space, &self.scaling, weights, bounds, Some(&measured))
+            .map(|draft| draft.on(&self.ground))
+            .map_err(factorisation)
     }
+}
+
+/// For each number of outputs up to the horizon, which problem is the deepest that they fill.
+fn places(problems: &[Prepared], horizon: usize) -> Vec<usize> {
+    let deep = |outputs: usize| {
+        problems.partition_point(|problem| problem.layout().depth <= outputs).saturating_sub(1)
+    };
+    (0..=horizon).map(deep).collect()
+}
+
+/// States and outputs in the window of a new run, as scaled deviations: the recording's end, the
+/// prior, or the recording's mean.
+pub(crate) fn first_window(
+    history: &History,
+    scaling: &Scaling,
+    start: Start,
+    filled: usize,
+    x_prior: Option<&[f64]>,
+) -> (Vec<f64>, Vec<f64>) {
+    let (n, p, last) = (history.n(), history.p(), history.recordings() - 1);
+    let (x, y) = (history.states(last), history.outputs(last));
+    let mut states = x[x.len() - (filled + 1) * n..].to_vec();
+    match (start, x_prior) {
+        (Start::State, Some(prior)) => states.copy_from_slice(prior),
+        (Start::Unknown, _) => states.copy_from_slice(&scaling.mean_x),
+        _ => {}
+    }
+    let outputs = &y[y.len() - filled * p..];
+    (
+        states.chunks_exact(n).flat_map(|x| scaling.deviations(x, &[])).collect(),
+        outputs.chunks_exact(p).flat_map(|y| scaling.deviations(&[], y)).collect(),
+    )
 }
 
 /// The scales and the rule of checked settings.
@@ -364,10 +413,10 @@ pub(crate) fn select(space: &Space, rule: &Defaults, weights: &Weights, n: usize
     }
 }
 
-fn spectral_radius(problem: &WindowProblem) -> f64 {
+fn spectral_radius(problem: &Draft) -> f64 {
     // An eigenvalue iteration that fails (never seen on finite data) must not pass as stable.
     problem
-        .prior_to_estimate()
+        .prior_map
         .eigenvalues()
         .map_or(f64::NAN, |values| values.iter().map(|z| z.norm()).fold(0.0, f64::max))
 }
@@ -375,12 +424,4 @@ fn spectral_radius(problem: &WindowProblem) -> f64 {
 /// False also for NaN, which no finite data should give.
 pub(crate) fn stable(spectral_radius: f64) -> bool {
     spectral_radius <= tol::SPECTRAL_RADIUS
-}
-
-pub(crate) fn factorisation(_: faer::linalg::solvers::SvdError) -> Error {
-    Error::rank(
-        "history",
-        "data whose singular values can be computed",
-        "data on which the decomposition does not converge",
-    )
 }

@@ -1,6 +1,6 @@
 //! What a step returns, with its evidence.
 
-use crate::status::Status;
+use ddmhe_run::Status;
 use serde::{Deserialize, Serialize};
 
 /// The estimate of one step and the evidence behind it. All arrays are time-major, in the user's
@@ -19,6 +19,7 @@ pub struct Estimate {
     /// Bound on ‖x̂(t) - x(t)‖, if a certificate and the disturbance's size were given.
     pub bound: Option<f64>,
     /// What the optimisation found.
+    #[serde(with = "crate::snapshot::status")]
     pub status: Status,
     /// Number of bounds that the window touches.
     pub active: usize,

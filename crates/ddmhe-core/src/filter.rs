@@ -12,10 +12,11 @@ use crate::design::{Design, check_ridge, check_weights, filled, prepared, select
 use crate::error::Error;
 use crate::excitation::check_excitation;
 use crate::history::History;
-use crate::reduction::{Shape, gain};
+use crate::reduction::gain;
 use crate::space::{Scaling, Selection, Space, TrajectorySpace, WindowStack};
 use crate::tol;
 use crate::weights::Weights;
+use ddmhe_run::layout::Layout;
 use faer::Mat;
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -184,19 +185,19 @@ impl<'a> Windows<'a> {
     }
 
     fn gain(&self, depth: usize, weights: &Weights, selection: &Selection) -> Option<Gain> {
-        let shape = Shape { n: self.history.n(), p: self.history.p(), depth };
-        Gain::new(shape, &self.stack.space(depth, selection), weights)
+        let layout = Layout { n: self.history.n(), p: self.history.p(), depth };
+        Gain::new(layout, &self.stack.space(depth, selection), weights)
     }
 }
 
 impl Gain {
-    fn new(shape: Shape, space: &TrajectorySpace, weights: &Weights) -> Option<Self> {
-        let G = gain(shape, space, weights).ok()?;
+    fn new(layout: Layout, space: &TrajectorySpace, weights: &Weights) -> Option<Self> {
+        let G = gain(layout, space, weights).ok()?;
         let constant = |(i, row): (usize, usize)| {
-            let seen = shape.seen().enumerate().map(|(j, seen)| G[(j, i)] * space.mean[seen]);
+            let seen = layout.seen().enumerate().map(|(j, seen)| G[(j, i)] * space.mean[seen]);
             space.mean[row] - seen.sum::<f64>()
         };
-        Some(Gain { constant: shape.x(shape.depth).enumerate().map(constant).collect(), G })
+        Some(Gain { constant: layout.x(layout.depth).enumerate().map(constant).collect(), G })
     }
 
     /// Entry i of the estimate.

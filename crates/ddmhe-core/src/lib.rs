@@ -76,7 +76,6 @@
 //!
 //! `Err` means that an input was wrong; what the optimisation found is [`Estimate::status`].
 
-mod active_set;
 mod certificate;
 mod challenge;
 mod config;
@@ -89,15 +88,14 @@ mod hankel;
 mod history;
 mod interrupt;
 mod many;
-mod memory;
 mod mhe;
-mod panels;
+mod own;
+mod plan_builder;
 mod qp;
 mod reduction;
 pub mod snapshot;
 pub mod space;
 mod start;
-mod status;
 mod surplus;
 pub mod tol;
 pub mod validation;
@@ -105,13 +103,13 @@ mod variation;
 mod watch;
 mod way_out;
 mod weights;
-mod window;
 
 use ddmhe_interval::{check, error};
 
 pub use ddmhe_interval::{
     Error, Interval, IntervalEstimate, IntervalObserver, Reduction, Zonotope, interval, observer,
 };
+pub use ddmhe_run::Status;
 
 pub use certificate::{Certificate, Disturbance, Model, Uncertainty, minimum_horizon};
 pub use config::{Bounds, Center, Config, Settings, Start, Weighting};
@@ -123,6 +121,5 @@ pub use interrupt::Interrupt;
 pub use many::{run_copies, run_many, run_recordings};
 pub use mhe::DdMhe;
 pub use space::{Scaling, Space, TrajectorySpace};
-pub use status::Status;
 pub use variation::noise_levels;
 pub use watch::wrapped_angle;

@@ -1,42 +1,31 @@
 //! Data-driven moving horizon estimation: Algorithm 1 of Liu 2026.
 //!
-//! At time t the window is y(t-M_t) … y(t-1) with M_t = min(t, M); the estimate is x̂(t), made from
-//! outputs up to y(t-1). The prior x̄(t-M_t) is x̄(0) while the window grows and afterwards the
-//! estimate made at that time (filtering update).
-//!
-//! *Where there is no minimiser.* An entry of y that is more than 1/ε deviations from the recording
-//! is one that cannot be computed with: it counts as not measured, now and later, and the status of
-//! its step is [`Status::Failed`]. If no window satisfies all bounds and the noise is bounded, the
-//! newest output is one that no admissible window explains: it is left out in the same way, and the
-//! estimate is that of the other outputs, within all bounds; its status stays
-//! [`Status::Infeasible`]. Where the three samples before it say nothing (they were left out, or
-//! lost) it is believed instead, the older ones are left out, and the past estimates are those of
-//! this window. A window whose answer cannot be computed loses the output furthest out, or the
-//! newest. Where none of that helps, the box is at fault: what is handed out is the minimiser
-//! without bounds, its states moved into the box in force, and x̄ of later steps is that estimate
-//! in the configured box alone: a box of one step is not remembered. An estimate that is itself
-//! beyond 1/ε deviations is none: the window starts again from the recording's mean and from no
-//! output.
+//! What is computed at construction is a [`Design`]; a step is a [`Pass`] of
+//! [`ddmhe_run::stepper`], which tells what becomes of windows without a minimiser. What a step of
+//! that crate cannot do in flight, [`Fallbacks`] does here.
 
-use crate::active_set::{ActiveBound, WorkingSet};
 use crate::certificate::ErrorBound;
 use crate::check::check_vector;
 use crate::config::{
     Bounds, Config, Settings, Start, check_beside, check_box, check_measured, check_output,
     check_start,
 };
-use crate::design::{Design, check_reach, filled};
+use crate::design::{Design, check_reach, filled, first_window};
 use crate::error::Error;
 use crate::estimate::{Estimate, Log};
 use crate::history::{History, check_finite};
 use crate::interrupt::Interrupt;
-use crate::memory::Memory;
+use crate::plan_builder::Prepared;
 use crate::start::Opening;
-use crate::status::Status;
-use crate::tol;
 use crate::watch::Seen;
+use crate::way_out::Fallbacks;
 use crate::weights::Weights;
-use crate::window::{Data, Scratch, WindowProblem, WindowSolution};
+use ddmhe_run::active_set::ActiveBound;
+use ddmhe_run::layout::Layout;
+use ddmhe_run::memory::{Memory, memory_len};
+use ddmhe_run::plan::Limits;
+use ddmhe_run::stepper::{Answer, Found, Pass, smooth};
+use ddmhe_run::window::WindowSolution;
 use std::sync::Arc;
 
 /// The estimator. A copy continues on its own from the same window and shares everything that was
@@ -46,11 +35,9 @@ pub struct DdMhe {
     config: Config,
     start: Start, // of this run
     opening: Option<Arc<Opening>>,
-    growing: usize, // the first steps, whose problems are those of the opening
     bound: Option<ErrorBound>,
-    memory: Memory,   // y(t-M_t) … y(t-1) and x̂(t-M_t) … x̂(t)
-    kept: WorkingSet, // active bounds of the last step
-    seen: Seen,       // what the outputs did that they never did in the recording
+    memory: Memory<Vec<f64>>, // y(t-M_t) … y(t-1), x̂(t-M_t) … x̂(t) and room for a step
+    seen: Seen,               // what the outputs did that they never did in the recording
     t: usize,
     estimate: Estimate,
 }
@@ -62,10 +49,8 @@ impl Clone for DdMhe {
             config: self.config.clone(),
             start: self.start,
             opening: self.opening.clone(),
-            growing: self.growing,
             bound: self.bound.clone(),
             memory: self.memory.clone(),
-            kept: self.kept.clone(),
             seen: self.seen.clone(),
             t: self.t,
             estimate: self.estimate.clone(),
@@ -87,10 +72,8 @@ impl DdMhe {
         let mut mhe = DdMhe {
             start: config.start,
             opening: None,
-            growing: 0,
             bound: design.bound.clone(),
-            memory: Memory::new(history.n(), history.p(), design.settings.horizon, design.rank),
-            kept: WorkingSet::default(),
+            memory: memory(&design),
             seen: Seen::default(),
             t: 0,
             estimate: Estimate::default(),
@@ -212,6 +195,21 @@ impl DdMhe {
         &self.design.settings
     }
 
+    /// What a new run of this estimator needs in flight, as bytes for
+    /// [`ddmhe_run::Plan::from_bytes`]: no recording, no solver, no standard library.
+    ///
+    /// # Errors
+    /// [`Error::Value`] where estimates carry an error bound, which a plan has not.
+    pub fn plan(&self) -> Result<Vec<u8>, Error> {
+        if self.is_bounded() {
+            let found = "an estimator with error bounds";
+            return Err(Error::value("disturbance", "none, for a plan", found));
+        }
+        let opening = if self.start == Start::Unknown { self.opening.as_deref() } else { None };
+        let opening = opening.map_or(&[][..], |opening| &opening.problems);
+        Ok(self.design.ground.bytes(&self.design.problems, opening))
+    }
+
     /// The configuration that was asked for.
     pub fn config(&self) -> &Config {
         &self.config
@@ -235,7 +233,8 @@ impl DdMhe {
 
     /// Depth M_t of the next step's window.
     pub fn next_depth(&self) -> usize {
-        (self.memory.depth() + 1).min(self.design.settings.horizon)
+        let outputs = (self.memory.len() + 1).min(self.design.settings.horizon);
+        self.design.problem(outputs).layout().depth
     }
 
     /// Spectral radius of the map x̄(t-M) → x̂(t) without new information: above 1 errors grow.
@@ -284,8 +283,8 @@ impl DdMhe {
 
     /// Bounds that were active in the last step, in the order in which they were taken in, and
     /// whether they move with time.
-    pub(crate) fn active_bounds(&self) -> (&[ActiveBound], bool) {
-        (&self.kept.sides, self.kept.moves)
+    pub(crate) fn active_bounds(&self) -> (Vec<ActiveBound>, bool) {
+        (self.memory.active().collect(), self.memory.moves())
     }
 
     /// Continues from a saved window.
@@ -306,9 +305,8 @@ impl DdMhe {
             && t < usize::MAX / 2
             && estimate.fits(n, p)
             && estimate.v.len() <= self.design.settings.horizon * p
-            && (active.is_empty()
-                || self.design.problem(samples).is_some_and(|problem| problem.allows(&active)));
-        if !fits || samples < self.design.first - 1 {
+            && (active.is_empty() || self.design.problem(samples).allows(&active));
+        if !fits || !self.design.reaches(samples + 1) {
             return Err(Error::value(
                 "blob",
                 "a window that fits the horizon",
@@ -317,8 +315,8 @@ impl DdMhe {
         }
         check_measured("blob", outputs, p)?;
         check_finite("blob", states, n)?;
-        self.refill(outputs.iter().copied(), states.iter().copied());
-        self.kept = WorkingSet::new(active, moves);
+        self.refill(outputs, states);
+        self.memory.resume(self.design.problem(samples).layout().depth, &active, moves);
         self.estimate = estimate;
         self.reserve();
         self.t = t;
@@ -330,15 +328,14 @@ impl DdMhe {
 
     /// Everything that a run from this start needs.
     pub(crate) fn prepare(&mut self, start: Start) -> Result<(), Error> {
-        if start != Start::Recording && self.design.first > 1 {
+        if start != Start::Recording && !self.design.reaches(1) {
             let design = Design::new(&self.design.history, &self.config, start)?;
-            self.memory = Memory::new(self.n(), self.p(), design.settings.horizon, design.rank);
+            self.memory = memory(&design);
             self.design = Arc::new(design);
         }
         if start == Start::Unknown && self.opening.is_none() {
             self.opening = Some(Arc::new(Opening::new(&self.design, &self.config)?));
         }
-        self.growing = if start == Start::Unknown { self.design.settings.horizon } else { 0 };
         self.start = start;
         Ok(())
     }
@@ -347,24 +344,14 @@ impl DdMhe {
     fn restart(&mut self, x_prior: Option<&[f64]>) {
         let design = Arc::clone(&self.design);
         let (history, scaling) = (&design.history, &design.scaling);
-        let (n, p) = (history.n(), history.p());
         self.t = 0;
         self.estimate = Estimate::default();
         self.seen = design.watch.start();
-        self.kept = WorkingSet::default();
         self.reserve();
-        let last = history.recordings() - 1;
         let filled = filled(history, self.start, design.settings.horizon);
-        let (x, y) = (history.states(last), history.outputs(last));
-        let mut states = x[x.len() - (filled + 1) * n..].to_vec();
-        match (self.start, x_prior.or(self.config.x_prior.as_deref())) {
-            (Start::State, Some(prior)) => states.copy_from_slice(prior),
-            (Start::Unknown, _) => states.copy_from_slice(&scaling.mean_x),
-            _ => {}
-        }
-        let outputs =
-            y[y.len() - filled * p..].chunks_exact(p).flat_map(|y| scaling.deviations(&[], y));
-        self.refill(outputs, states.chunks_exact(n).flat_map(|x| scaling.deviations(x, &[])));
+        let x_prior = x_prior.or(self.config.x_prior.as_deref());
+        let (states, outputs) = first_window(history, scaling, self.start, filled, x_prior);
+        self.refill(&outputs, &states);
         if let Some(bound) = &mut self.bound {
             bound.restart(filled + 1);
         }
@@ -373,250 +360,125 @@ impl DdMhe {
     /// Room for the longest window, so that no step allocates.
     fn reserve(&mut self) {
         let (n, p, depth) = (self.n(), self.p(), self.design.settings.horizon);
-        let (rank, Estimate { x, window, v, .. }) = (self.design.rank, &mut self.estimate);
+        let Estimate { x, window, v, .. } = &mut self.estimate;
         x.reserve(n - x.len());
         window.reserve((depth + 1) * n - window.len());
         v.reserve(depth * p - v.len());
-        self.kept.reserve(rank);
         if let Some(bound) = &mut self.bound {
             bound.reserve(depth + 2);
         }
     }
 
     /// A window of other outputs and states.
-    fn refill(
-        &mut self,
-        mut outputs: impl Iterator<Item = f64>,
-        mut states: impl Iterator<Item = f64>,
-    ) {
+    fn refill(&mut self, outputs: &[f64], states: &[f64]) {
         let (n, p) = (self.n(), self.p());
         self.memory.clear();
-        while let Some(first) = states.next() {
-            self.memory.push_state(std::iter::once(first).chain(states.by_ref().take(n - 1)));
+        for x in states.chunks_exact(n) {
+            self.memory.push_state(x.iter().copied());
         }
-        while let Some(first) = outputs.next() {
-            self.memory.push_output(std::iter::once(first).chain(outputs.by_ref().take(p - 1)));
+        for y in outputs.chunks_exact(p) {
+            self.memory.push_output(y.iter().copied());
         }
     }
 
     /// One pass of Algorithm 1's loop, on checked input: nothing can go wrong that is not a status.
     fn advance(&mut self, y: &[f64], x_bounds: Option<&Bounds>) -> &Estimate {
-        if self.memory.depth() == self.next_depth() {
+        let horizon = self.design.settings.horizon;
+        if self.memory.len() == horizon {
             self.memory.forget();
             if let Some(bound) = &mut self.bound {
                 bound.forget();
             }
-        } else {
-            self.kept.clear(); // rows have other places in a window of another depth
         }
-        let missing = self.memory.push_output(self.design.scaling.deviations(&[], y));
-        let mut found = self.minimise(x_bounds);
-        let anew = found.status != Status::Optimal && self.reconsider(&mut found, x_bounds);
-        if missing > 0 && missing > y.iter().filter(|y| y.is_nan()).count() {
-            found.status = Status::Failed; // an output that cannot be computed with
+        let outputs = self.memory.len() + 1;
+        let design = &*self.design;
+        let opening = self.opening.as_deref().filter(|_| self.growing());
+        let (prepared, weights) = problem(design, opening, outputs);
+        let layout = prepared.layout();
+        let estimate = &mut self.estimate;
+        if estimate.v.len() != layout.outputs_len() {
+            fit(estimate, layout);
         }
-        self.hand_out(found);
-        if found.status != Status::Optimal {
-            self.confine(x_bounds, anew);
+        let Estimate { x, window, v, bound: error_bound, .. } = estimate;
+        let mut out = Answer { x, window, v };
+        let fallback = &Fallbacks { design, weights, prepared };
+        let (problem, memory) = (prepared.problem(), &mut self.memory);
+        let x_bounds = x_bounds.map(|bounds| Limits { lo: &bounds.lo, hi: &bounds.hi });
+        let mut pass = Pass { problem, memory, fallback, x_bounds };
+        let found = pass.consume(y, &mut out);
+        match &mut self.bound {
+            None => {
+                pass.hand_out(&found, &mut out, |_, _| {});
+            }
+            Some(bound) => *error_bound = Some(bounded(design, bound, &mut pass, &found, &mut out)),
         }
+        let WindowSolution { status, cost, active, iterations, .. } = found.solution;
+        (estimate.cost, estimate.status) = (cost, status);
+        (estimate.active, estimate.iterations) = (active, iterations);
         self.t += 1;
         self.design.watch.note(&mut self.seen, y, self.t);
-        if self.t == self.growing {
-            self.smoothed();
+        if self.start == Start::Unknown && self.t == layout.depth {
+            smooth(&self.design.ground.shared(), &mut self.memory, &self.estimate.window);
         }
         &self.estimate
     }
 
-    /// From the first full window of a run from an unknown state on, x̄ of the instants in it are
-    /// its own states.
-    #[cold]
-    fn smoothed(&mut self) {
-        let n = self.design.history.n();
-        let past = self.estimate.window.chunks_exact(n).take(self.memory.depth());
-        self.memory.replace_states(past.flat_map(|x| self.design.scaling.deviations(x, &[])));
-    }
-
-    /// The minimiser over the window in memory, its states and fitted noise into the estimate.
+    /// Whether the window of the next step holds all outputs of a run from an unknown state.
     #[inline(always)]
-    fn minimise(&mut self, x_bounds: Option<&Bounds>) -> WindowSolution {
-        let (design, Estimate { window: states, v, .. }) = (&*self.design, &mut self.estimate);
-        let (problems, weights) = problems(design, self.opening.as_deref(), self.t < self.growing);
-        let (problem, data, mut scratch) = window(design, problems, &mut self.memory, x_bounds);
-        states.resize((problem.shape.depth + 1) * problem.shape.n, 0.0);
-        v.resize(data.outputs.len(), 0.0);
-        match problem.solve(
-            weights,
-            &design.limits,
-            &data,
-            (&mut self.kept, &mut scratch),
-            (states, v),
-        ) {
-            Some(found) => found,
-            None => {
-                anew(design, (problem, weights), &data, (&mut self.kept, &mut scratch), (states, v))
-            }
-        }
-    }
-
-    /// The same of a window that was changed.
-    #[cold]
-    fn minimise_again(&mut self, x_bounds: Option<&Bounds>) -> WindowSolution {
-        self.kept.clear();
-        self.minimise(x_bounds)
-    }
-
-    /// The rest of the estimate, and x̂(t) into memory.
-    #[inline]
-    fn hand_out(&mut self, found: WindowSolution) {
-        let (design, estimate) = (&*self.design, &mut self.estimate);
-        let (n, window) = (design.history.n(), &estimate.window);
-        estimate.x.clear();
-        estimate.x.extend_from_slice(&window[window.len() - n..]);
-        estimate.cost = found.cost;
-        (estimate.status, estimate.active, estimate.iterations) =
-            (found.status, found.active, found.iterations);
-        estimate.bound = self.bound.as_mut().map(|bound| {
-            let (states, outputs) = (self.memory.states(), self.memory.outputs());
-            let past = |k: usize| design.scaling.state(k % n, states[k]);
-            bound.advance(window, |k| design.scaling.output(k, outputs[k]), &estimate.v, past)
-        });
-        self.memory.push_state(design.scaling.deviations(&estimate.x, &[]));
-    }
-
-    /// What to make of a window without a minimiser, into the estimate; whether past estimates are
-    /// to be forgotten.
-    #[cold]
-    fn reconsider(&mut self, found: &mut WindowSolution, x_bounds: Option<&Bounds>) -> bool {
-        if found.status == Status::AlmostOptimal {
-            return false;
-        }
-        let status = found.status;
-        let mut anew = false;
-        if status == Status::Failed || self.design.limits.v.is_some() {
-            (*found, anew) = self.doubt(status == Status::Failed, x_bounds);
-        }
-        if !found.sound {
-            self.memory.forget_all();
-            if let Some(bound) = &mut self.bound {
-                bound.forget_all();
-            }
-            *found = self.minimise_again(x_bounds);
-        }
-        if !found.sound {
-            let (problems, weights) =
-                problems(&self.design, self.opening.as_deref(), self.t < self.growing);
-            let (problem, data, mut scratch) =
-                window(&self.design, problems, &mut self.memory, x_bounds);
-            let Estimate { window: states, v, .. } = &mut self.estimate;
-            *found = problem.rest(weights, &data, &mut scratch, (states, v));
-        }
-        found.status = status;
-        anew
-    }
-
-    /// The answer without the outputs that contradict the others: without the newest sample, or,
-    /// where the
-    /// [`DOUBTS`](tol::DOUBTS) before it say nothing, without all before it (true). Of a window that cannot be computed the sample
-    /// furthest out is the first in doubt. What is doubted counts as not measured from then on;
-    /// where nothing helps, nothing is.
-    fn doubt(&mut self, failed: bool, x_bounds: Option<&Bounds>) -> (WindowSolution, bool) {
-        let newest = self.memory.depth() - 1;
-        let stale = newest >= tol::DOUBTS && self.memory.silent(newest - tol::DOUBTS..newest);
-        let older = if stale && !failed { 0..newest } else { 0..0 };
-        let furthest = if failed { self.memory.furthest() } else { newest };
-        for doubted in [older, furthest..furthest + 1, newest..newest + 1] {
-            if self.memory.silent(doubted.clone()) {
-                continue;
-            }
-            self.memory.set_aside(doubted.clone());
-            let found = self.minimise_again(x_bounds);
-            if found.status == Status::Optimal {
-                return (found, doubted.len() > 1);
-            }
-            self.memory.take_back();
-        }
-        (self.minimise_again(x_bounds), false)
-    }
-
-    /// After a step that is not optimal: what is handed out is moved into the box in force, and
-    /// what goes on as x̂(t) into the configured one, since a box for this step alone says nothing
-    /// of later ones. With `anew` the estimates of the window's past are replaced by the window.
-    #[cold]
-    fn confine(&mut self, x_bounds: Option<&Bounds>, anew: bool) {
-        let n = self.design.history.n();
-        if anew {
-            let past = self.estimate.window.chunks_exact(n);
-            self.memory.replace_states(past.flat_map(|x| self.design.scaling.deviations(x, &[])));
-            if let Some(bound) = &mut self.bound {
-                bound.forget_past();
-            }
-        }
-        self.move_into(None);
-        let Estimate { x, window, .. } = &self.estimate;
-        let inside = &window[window.len() - n..];
-        self.memory.replace_newest(self.design.scaling.deviations(inside, &[]));
-        if let Some(bound) = &mut self.bound {
-            bound.moved(|i| inside[i] - x[i]);
-        }
-        if x_bounds.is_some() {
-            self.move_into(x_bounds);
-        }
-        let Estimate { x, window, bound, .. } = &mut self.estimate;
-        let inside = &window[window.len() - n..];
-        let moved =
-            x.iter().zip(inside).map(|(x, inside)| (x - inside).powi(2)).sum::<f64>().sqrt();
-        *bound = bound.map(|bound| bound + moved);
-        x.copy_from_slice(inside);
-    }
-
-    /// The estimate's window with its states moved into a box; None: the configured one.
-    fn move_into(&mut self, x_bounds: Option<&Bounds>) {
-        let (problems, _) = problems(&self.design, self.opening.as_deref(), self.t < self.growing);
-        let (problem, data, mut scratch) =
-            window(&self.design, problems, &mut self.memory, x_bounds);
-        problem.confine(&self.design.limits, &data, &mut scratch, &mut self.estimate.window);
+    fn growing(&self) -> bool {
+        self.start == Start::Unknown && self.t < self.design.settings.horizon
     }
 }
 
-/// The problems of this step, from depth `design.first` on, and the weights they were made with.
+/// Room for the windows of another depth.
+#[cold]
+fn fit(estimate: &mut Estimate, layout: Layout) {
+    estimate.x.resize(layout.n, 0.0);
+    estimate.window.resize(layout.states_len(), 0.0);
+    estimate.v.resize(layout.outputs_len(), 0.0);
+}
+
+/// A memory for all windows of a design.
+fn memory(design: &Design) -> Memory<Vec<f64>> {
+    let sizes = design.ground.sizes();
+    Memory::new(sizes, vec![0.0; memory_len(sizes)])
+}
+
+/// The problem for so many outputs, and the weights that it was made with: that of an unknown start
+/// where the window holds all outputs of the run.
 #[inline(always)]
-fn problems<'a>(
+fn problem<'a>(
     design: &'a Design,
     opening: Option<&'a Opening>,
-    growing: bool,
-) -> (&'a [WindowProblem], &'a Weights) {
+    outputs: usize,
+) -> (&'a Prepared, &'a Weights) {
+    let regular = design.problem(outputs);
     match opening {
-        Some(opening) if growing => (&opening.problems, &opening.weights),
-        _ => (&design.problems, &design.weights),
+        Some(opening) if regular.layout().depth == outputs => {
+            (&opening.problems[design.place(outputs)], &opening.weights)
+        }
+        _ => (regular, &design.weights),
     }
 }
 
-/// What [`WindowProblem::solve`] finds of a problem made for what was measured; the mean window
-/// where there is none.
+/// Hands out what was found, with a bound on ‖x̂(t) - x(t)‖.
 #[cold]
-fn anew(
+fn bounded(
     design: &Design,
-    (problem, weights): (&WindowProblem, &Weights),
-    data: &Data<'_>,
-    (kept, scratch): (&mut WorkingSet, &mut Scratch<'_>),
-    (states, v): (&mut [f64], &mut [f64]),
-) -> WindowSolution {
-    let made = design.without_missing(problem, weights, data.outputs).ok();
-    made.and_then(|made| made.solve(weights, &design.limits, data, (kept, scratch), (states, v)))
-        .unwrap_or_else(|| problem.rest(weights, data, scratch, (states, v)))
-}
-
-/// The problem of the window in memory, its data and room to solve it.
-#[inline(always)]
-fn window<'a>(
-    design: &'a Design,
-    problems: &'a [WindowProblem],
-    memory: &'a mut Memory,
-    x_bounds: Option<&'a Bounds>,
-) -> (&'a WindowProblem, Data<'a>, Scratch<'a>) {
-    let (depth, missing) = (memory.depth(), memory.missing());
-    let (states, outputs, scratch) = memory.parts();
-    // the filtering update: x̄(t-M_t) is the estimate that was made then, the oldest in memory
-    let data = Data { prior: &states[..design.history.n()], outputs, missing, x_bounds };
-    (&problems[depth - design.first], data, scratch)
+    bound: &mut ErrorBound,
+    pass: &mut Pass<'_, Vec<f64>, Fallbacks<'_>>,
+    found: &Found,
+    out: &mut Answer<'_>,
+) -> f64 {
+    let n = design.history.n();
+    if found.forgot {
+        bound.forget_all();
+    }
+    let (states, outputs) = (pass.memory.past(), pass.memory.window());
+    let past = |k: usize| design.scaling.state(k % n, states[k]);
+    let error = bound.advance(out.window, |k| design.scaling.output(k, outputs[k]), out.v, past);
+    if found.anew {
+        bound.forget_past();
+    }
+    error + pass.hand_out(found, out, |x, inside| bound.moved(|i| inside[i] - x[i]))
 }

@@ -9,12 +9,12 @@
 //!
 //! with rows of unit length.
 
-use crate::active_set::ActiveBound;
 use crate::tol;
 use clarabel::algebra::CscMatrix;
 use clarabel::solver::{
     DefaultSettings, DefaultSolver, IPSolver, NonnegativeConeT, SupportedConeT, ZeroConeT,
 };
+use ddmhe_run::active_set::ActiveBound;
 use faer::{Mat, MatRef};
 
 /// What the solver proposes: a point, and multipliers of at least 0.

@@ -1,12 +1,13 @@
 //! From a trajectory space and the weights to the least-distance form of one depth: z* = K f, w = c
 //! + A z.
 //!
-//! See [`window`](crate::window) for the derivation. Rows of the window are interleaved here as in
+//! See [`window`](ddmhe_run::window) for the derivation. Rows of the window are interleaved here as in
 //! [`space`](crate::space): x(0), y(0), …, x(m-1), y(m-1), x(m).
 
 use crate::space::TrajectorySpace;
 use crate::tol;
 use crate::weights::Weights;
+use ddmhe_run::layout::Layout;
 use faer::dyn_stack::{MemBuffer, MemStack};
 use faer::linalg::householder::{
     apply_block_householder_sequence_on_the_left_in_place_scratch,
@@ -14,41 +15,6 @@ use faer::linalg::householder::{
 };
 use faer::linalg::solvers::{Qr, SvdError};
 use faer::{Conj, Mat, MatRef, Par};
-
-/// Sizes of one depth, and rows of the interleaved window: where x(k) and y(k) are.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct Shape {
-    pub n: usize,
-    pub p: usize,
-    pub depth: usize,
-}
-
-impl Shape {
-    pub fn x(self, k: usize) -> std::ops::Range<usize> {
-        let start = k * (self.n + self.p);
-        start..start + self.n
-    }
-
-    pub fn y(self, k: usize) -> std::ops::Range<usize> {
-        let start = k * (self.n + self.p) + self.n;
-        start..start + self.p
-    }
-
-    /// Rows of all states, oldest first.
-    pub fn states(self) -> impl Iterator<Item = usize> {
-        (0..=self.depth).flat_map(move |k| self.x(k))
-    }
-
-    /// Rows of all outputs, oldest first.
-    pub fn outputs(self) -> impl Iterator<Item = usize> {
-        (0..self.depth).flat_map(move |k| self.y(k))
-    }
-
-    /// Rows that the cost sees, in the order of f: x(0), then all outputs.
-    pub fn seen(self) -> impl Iterator<Item = usize> {
-        self.x(0).chain(self.outputs())
-    }
-}
 
 /// The least-distance form, in scaled units.
 pub(crate) struct Reduced {
@@ -67,16 +33,16 @@ pub(crate) struct Reduced {
 /// Factors the problem of one depth. `measured` (m·p, time-major) says which outputs exist; None:
 /// all of them.
 pub(crate) fn reduce(
-    shape: Shape,
+    layout: Layout,
     space: &TrajectorySpace,
     weights: &Weights,
     centered: bool,
     measured: Option<&[bool]>,
 ) -> Result<Reduced, SvdError> {
-    let all = vec![true; shape.depth * shape.p];
+    let all = vec![true; layout.depth * layout.p];
     let measured = measured.unwrap_or(&all);
-    let (blocks, stacked) = stacked(shape, space, weights, measured)?;
-    let (n, r, seen) = (shape.n, space.rank(), shape.seen().collect::<Vec<_>>());
+    let (blocks, stacked) = stacked(layout, space, weights, measured)?;
+    let (n, r, seen) = (layout.n, space.rank(), layout.seen().collect::<Vec<_>>());
     let qr = stacked.qr();
     let (Q, R) = (qr.compute_thin_Q(), qr.thin_R());
     let mut K = Mat::zeros(r, seen.len());
@@ -99,18 +65,18 @@ pub(crate) fn reduce(
 
 /// Gᵀ of x̂(t) = c_x + G ([x̄; y] - c), (n + m p) × n: the last rows of A K.
 pub(crate) fn gain(
-    shape: Shape,
+    layout: Layout,
     space: &TrajectorySpace,
     weights: &Weights,
 ) -> Result<Mat<f64>, SvdError> {
-    let (blocks, stacked) = stacked(shape, space, weights, &vec![true; shape.depth * shape.p])?;
-    let (last, seen) = (shape.x(shape.depth).start, shape.n + shape.depth * shape.p);
+    let (blocks, stacked) = stacked(layout, space, weights, &vec![true; layout.depth * layout.p])?;
+    let (last, seen) = (layout.x(layout.depth).start, layout.n + layout.depth * layout.p);
     let qr = stacked.qr();
     // with [F; G] = Q R, (A K)ᵀ is the weights' Wᵀ times the rows of F in Q R⁻ᵀ Bᵀ
-    let mut z = space.basis.subrows(last, shape.n).transpose().to_owned();
+    let mut z = space.basis.subrows(last, layout.n).transpose().to_owned();
     qr.thin_R().transpose().solve_lower_triangular_in_place(z.as_mut());
     let found = rotated(&qr, z.as_ref());
-    let mut gain = Mat::zeros(seen, shape.n);
+    let mut gain = Mat::zeros(seen, layout.n);
     for (first, W) in &blocks {
         gain.subrows_mut(*first, W.nrows())
             .copy_from(W.transpose() * found.subrows(*first, W.nrows()));
@@ -145,19 +111,19 @@ type Blocks = Vec<(usize, Mat<f64>)>;
 /// The weights, and [F; G]: the weighted rows of the basis that the cost sees, and what makes the
 /// minimiser unique.
 fn stacked(
-    shape: Shape,
+    layout: Layout,
     space: &TrajectorySpace,
     weights: &Weights,
     measured: &[bool],
 ) -> Result<(Blocks, Mat<f64>), SvdError> {
-    let Shape { n, p, depth } = shape;
+    let Layout { n, p, depth } = layout;
     // (17): √ of 2ρ^m P on the prior, of ρ^{j-1} R on y(t-j): the block of each sample with its
     // first row in f
     let mut blocks = vec![(0, weights.prior(depth))];
     blocks.extend(
         (0..depth).map(|k| (n + k * p, weights.noise(depth - k, &measured[k * p..(k + 1) * p]))),
     );
-    let seen: Vec<usize> = shape.seen().collect();
+    let seen: Vec<usize> = layout.seen().collect();
     let r = space.rank();
     // (16b): the window is c + B b, and the cost sees these rows of it
     let basis = Mat::from_fn(seen.len(), r, |i, j| space.basis[(seen[i], j)]);

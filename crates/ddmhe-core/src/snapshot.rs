@@ -5,13 +5,13 @@
 //! computed from them is computed again on [`DdMhe::restore`], so that a restored estimator
 //! continues with the same numbers.
 
-use crate::active_set::ActiveBound;
 use crate::config::{Config, Start};
 use crate::error::Error;
 use crate::estimate::Estimate;
 use crate::history::History;
 use crate::mhe::DdMhe;
 use crate::watch::Seen;
+use ddmhe_run::active_set::ActiveBound;
 use serde::{Deserialize, Serialize};
 
 pub use ddmhe_interval::blob::{Kind, from_bytes, to_bytes};
@@ -23,7 +23,7 @@ struct Snapshot {
     outputs: Vec<f64>,
     states: Vec<f64>,
     bounds: Vec<f64>,
-    active: Vec<ActiveBound>,
+    active: Vec<(usize, f64)>, // rows and sides of the active bounds
     moves: bool,
     seen: Seen,
     start: Start, // of the run, which reset may have changed
@@ -42,7 +42,7 @@ impl DdMhe {
             outputs: outputs.to_vec(),
             states: states.to_vec(),
             bounds: self.bounds().to_vec(),
-            active: active.to_vec(),
+            active: active.iter().map(|side| (side.row, side.sign)).collect(),
             moves,
             seen: self.seen().clone(),
             start: self.start(),
@@ -61,10 +61,11 @@ impl DdMhe {
         let history = snapshot.history.revalidated()?;
         let mut mhe = DdMhe::new(&history, snapshot.config)?;
         mhe.prepare(snapshot.start)?;
+        let active = snapshot.active.iter().map(|&(row, sign)| ActiveBound { row, sign });
         mhe.resume(
             (&snapshot.outputs, &snapshot.states),
             snapshot.bounds,
-            (snapshot.active, snapshot.moves),
+            (active.collect(), snapshot.moves),
             (snapshot.t, snapshot.estimate),
         )?;
         mhe.recall(snapshot.seen)?;
@@ -95,5 +96,20 @@ impl Estimate {
         let whole = self.window.len() == rows * n && self.v.len() == samples * p;
         let empty = self.x.is_empty() && self.window.is_empty() && self.v.is_empty();
         empty || (whole && self.x.len() == n && rows == samples + 1)
+    }
+}
+
+/// [`Status`](ddmhe_run::Status) as its code.
+pub(crate) mod status {
+    use ddmhe_run::Status;
+    use serde::de::Error;
+    use serde::{Deserialize, Deserializer, Serializer};
+
+    pub fn serialize<S: Serializer>(status: &Status, to: S) -> Result<S::Ok, S::Error> {
+        to.serialize_u32(status.code())
+    }
+
+    pub fn deserialize<'de, D: Deserializer<'de>>(from: D) -> Result<Status, D::Error> {
+        Status::from_code(u32::deserialize(from)?).ok_or_else(|| D::Error::custom("a status"))
     }
 }

@@ -18,13 +18,14 @@
 //! what outputs are taken to deviate by at least.
 
 use crate::config::Config;
-use crate::design::{Design, factorisation};
+use crate::design::Design;
 use crate::error::Error;
 use crate::history::History;
+use crate::plan_builder::{Draft, Prepared, factorisation};
 use crate::space::Scaling;
 use crate::tol;
 use crate::weights::Weights;
-use crate::window::WindowProblem;
+
 use faer::{Mat, Side};
 
 /// P₀ in units of the covariance of the recorded states.
@@ -32,7 +33,7 @@ const SPREAD: f64 = 10.0;
 
 /// The problems of the growing windows of a run from an unknown state.
 pub(crate) struct Opening {
-    pub problems: Vec<WindowProblem>, // of depth 1, …, M
+    pub problems: Vec<Prepared>, // of the depths that the design keeps
     pub weights: Weights,
 }
 
@@ -46,8 +47,9 @@ impl Opening {
         let noise = design.weights.mean_cost(&residual(history, scaling));
         let weights = design.weights.opening(U * faer::Scale((noise / SPREAD).sqrt()));
         let bounds = (config.x_bounds.as_ref(), design.centered);
-        let problem = |p: &WindowProblem| {
-            WindowProblem::new(p.shape, p.space.clone(), scaling, &weights, bounds, None)
+        let problem = |p: &Prepared| {
+            Draft::new(p.layout(), p.space.clone(), scaling, &weights, bounds, None)
+                .map(|draft| draft.on(&design.ground))
         };
         let problems = design
             .problems

@@ -2,7 +2,7 @@
 //! then the least norm.
 //!
 //! Among the windows within the bounds let those of least cost (17) be found first, then the
-//! shortest α among them. In the coordinates z of [`window`](crate::window) the two do not meet:
+//! shortest α among them. In the coordinates z of [`window`](ddmhe_run::window) the two do not meet:
 //! with K an orthonormal basis of what the cost does not see (K = Q_Gᵀ of [F; G] = Q R), the cost
 //! is ‖z - z*‖² across K, and ‖α‖² is ‖Kᵀz‖² and a number that what the cost sees determines.
 //! Without active bounds Kᵀz = Kᵀz* = 0 serves both.
@@ -16,19 +16,20 @@
 //! bounds, from y = 0. Where the first answer stands on a bound or, by rounding, beyond it, the
 //! bound is moved to where it stands.
 
-use crate::active_set::{Problem, Rows, Trust, Windows, WorkingSet, work_len};
-use crate::panels::padded;
-use crate::status::Status;
+use crate::own::{OwnRows, OwnSet};
 use crate::tol;
-use crate::way_out::decide;
+use ddmhe_run::Status;
+use ddmhe_run::active_set::{LeastDistance, Rows, Trust, Windows, WorkingSet, work_len};
+use ddmhe_run::fallback::{Fallback, decide};
+use ddmhe_run::panels::padded;
 use faer::Mat;
 
 /// What the two stages need beside the problem of one depth.
 pub(crate) struct Surplus {
-    K: Mat<f64>,  // r × q
-    stretch: f64, // 1/δ
-    first: Rows,  // of A (I + (1/δ - 1) K Kᵀ)
-    second: Rows, // of A K
+    K: Mat<f64>,     // r × q
+    stretch: f64,    // 1/δ
+    first: OwnRows,  // of A (I + (1/δ - 1) K Kᵀ)
+    second: OwnRows, // of A K
 }
 
 /// z = (I + (1/δ - 1) K Kᵀ) ζ.
@@ -60,15 +61,15 @@ impl<W: Windows> Windows for Unseen<'_, W> {
 
 impl Surplus {
     /// From the rows of the window and K.
-    pub fn new(rows: &Rows, K: Mat<f64>) -> Self {
-        let (len, r) = (rows.len(), rows.r());
+    pub fn new(rows: &Rows<'_>, K: Mat<f64>) -> Self {
+        let (len, r) = (rows.len(), rows.r);
         let A = Mat::from_fn(len, r, |i, j| rows.entry(i, j));
         let AK = &A * &K;
         let across = &A - &AK * K.transpose();
         // both of the same size in units of the rows, then δ
         let size = |M: &Mat<f64>| {
-            let row = |i: usize| M.row(i).squared_norm_l2() / rows.unit()[i].powi(2);
-            (0..len).filter(|&i| rows.unit()[i] > 0.0).map(row).sum::<f64>().sqrt()
+            let row = |i: usize| M.row(i).squared_norm_l2() / rows.unit[i].powi(2);
+            (0..len).filter(|&i| rows.unit[i] > 0.0).map(row).sum::<f64>().sqrt()
         };
         let ratio = size(&across) / size(&AK);
         let stretch = if ratio.is_finite() && ratio > 0.0 {
@@ -78,8 +79,8 @@ impl Surplus {
         };
         let all = &across + &AK * K.transpose() * faer::Scale(stretch);
         Surplus {
-            first: Rows::new(all.as_ref(), rows.offset().to_vec(), rows.unit().to_vec()),
-            second: Rows::new(AK.as_ref(), vec![0.0; len], rows.unit().to_vec()),
+            first: OwnRows::new(all.as_ref(), rows.offset.to_vec(), rows.unit.to_vec()),
+            second: OwnRows::new(AK.as_ref(), vec![0.0; len], rows.unit.to_vec()),
             K,
             stretch,
         }
@@ -109,19 +110,20 @@ impl Surplus {
     #[cold]
     pub fn solve<W: Windows>(
         &self,
-        problem: &Problem<'_, W>,
-        (kept, work): (&mut WorkingSet, &mut [f64]),
+        problem: &LeastDistance<'_, W>,
+        fallback: &impl Fallback,
+        (kept, work): (&mut WorkingSet<'_>, &mut [f64]),
         z: &mut [f64],
         w: &mut [f64],
     ) -> (Status, u32) {
         let (r, w) = (self.K.nrows(), &mut w[..problem.rows.len()]);
-        let (first, mut iterations) = self.first_stage(problem, (kept, work), z, w);
+        let (first, mut iterations) = self.first_stage(problem, fallback, (kept, work), z, w);
         if !matches!(first, Status::Optimal | Status::AlmostOptimal) {
-            z[..r].copy_from_slice(&problem.free[..r]);
+            z[..r].copy_from_slice(&problem.unconstrained[..r]);
             problem.windows.window(&z[..r], w);
             return (first, iterations);
         }
-        let (second, more) = self.second_stage(problem, z, w);
+        let (second, more) = self.second_stage(problem, fallback, z, w);
         iterations += more;
         let optimal = first == Status::Optimal && second == Status::Optimal && problem.inside(w);
         (if optimal { Status::Optimal } else { Status::AlmostOptimal }, iterations)
@@ -130,8 +132,9 @@ impl Surplus {
     /// A window of least cost.
     fn first_stage<W: Windows>(
         &self,
-        problem: &Problem<'_, W>,
-        (kept, work): (&mut WorkingSet, &mut [f64]),
+        problem: &LeastDistance<'_, W>,
+        fallback: &impl Fallback,
+        (kept, work): (&mut WorkingSet<'_>, &mut [f64]),
         z: &mut [f64],
         w: &mut [f64],
     ) -> (Status, u32) {
@@ -142,18 +145,20 @@ impl Surplus {
         let mut free = zeta.clone();
         for _ in 0..tol::PROXIMAL_STEPS {
             let step: Vec<f64> = y.iter().map(|y| y / self.stretch).collect();
-            free[..r].copy_from_slice(&self.moved(&self.stretched(&problem.free[..r], 0.0), &step));
-            let Problem { lo, hi, .. } = *problem;
-            let near = Problem {
-                rows: &self.first,
+            free[..r].copy_from_slice(
+                &self.moved(&self.stretched(&problem.unconstrained[..r], 0.0), &step),
+            );
+            let LeastDistance { lo, hi, .. } = *problem;
+            let near = LeastDistance {
+                rows: self.first.rows(),
                 lo,
                 hi,
-                free: &free,
+                unconstrained: &free,
                 hessian_factor: None,
                 windows: &windows,
                 trust: Trust::CERTAIN,
             };
-            let (status, changes) = decide(&near, (kept, work), &mut zeta, w);
+            let (status, changes) = decide(&near, fallback, (kept, work), &mut zeta, w);
             iterations += changes;
             if !matches!(status, Status::Optimal | Status::AlmostOptimal) {
                 return (status, iterations);
@@ -173,7 +178,8 @@ impl Surplus {
     /// From a window of least cost in z and w to the one of least norm among them.
     fn second_stage<W: Windows>(
         &self,
-        problem: &Problem<'_, W>,
+        problem: &LeastDistance<'_, W>,
+        fallback: &impl Fallback,
         z: &mut [f64],
         w: &mut [f64],
     ) -> (Status, u32) {
@@ -189,18 +195,18 @@ impl Surplus {
         let windows = Unseen { surplus: self, windows: problem.windows, seen: &seen, base: &base };
         let free = vec![0.0; padded(q)];
         let (mut y, mut moved) = (free.clone(), vec![0.0; w.len()]);
-        let least = Problem {
-            rows: &self.second,
+        let least = LeastDistance {
+            rows: self.second.rows(),
             lo: &lo,
             hi: &hi,
-            free: &free,
+            unconstrained: &free,
             hessian_factor: None,
             windows: &windows,
             trust: Trust::CERTAIN,
         };
-        let mut memory = vec![0.0; work_len(q)];
-        let (status, changes) =
-            decide(&least, (&mut WorkingSet::default(), &mut memory), &mut y, &mut moved);
+        let (mut set, mut memory) = (OwnSet::new(q), vec![0.0; work_len(q)]);
+        let room = (&mut set.working(), &mut memory[..]);
+        let (status, changes) = decide(&least, fallback, room, &mut y, &mut moved);
         if matches!(status, Status::Optimal | Status::AlmostOptimal) {
             z[..r].copy_from_slice(&self.moved(&seen, &y[..q]));
             problem.windows.window(&z[..r], w);

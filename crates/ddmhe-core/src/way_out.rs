@@ -13,18 +13,24 @@
 //! minimiser of a problem whose bounds and z* are moved by so much, and its distance to z* is the
 //! smallest up to so much.
 
-use crate::active_set::{
-    ActiveBound, Combination, Outcome, Problem, Trust, Windows, WorkingSet, solve_lower,
-    solve_transposed,
-};
+use crate::design::Design;
+use crate::own::OwnSet;
+use crate::plan_builder::Prepared;
 use crate::qp;
-use crate::status::Status;
 use crate::tol;
+use crate::weights::Weights;
+use ddmhe_run::Status;
+use ddmhe_run::active_set::{
+    ActiveBound, Combination, LeastDistance, Outcome, Trust, Windows, WorkingSet, solve_lower,
+    solve_transposed, work_len,
+};
+use ddmhe_run::fallback::{self, Fallback};
+use ddmhe_run::window::{Data, Scratch, WindowProblem, WindowSolution};
 use faer::Mat;
 
 /// The bounded rows, in coordinates t in which the Hessian is the identity.
 struct Bounded<'a, 'b, W: Windows> {
-    problem: &'a Problem<'b, W>,
+    problem: &'a LeastDistance<'b, W>,
     rows: Vec<usize>,
     normals: Mat<f64>, // rows × r, of unit length
     lengths: Vec<f64>, // that the normals of the problem have in these coordinates
@@ -81,35 +87,67 @@ struct Point {
     t: Vec<f64>,
 }
 
-/// The dual active-set method and, where that is not certain, the way out.
-#[inline(always)]
-pub(crate) fn decide<W: Windows>(
-    problem: &Problem<'_, W>,
-    (kept, work): (&mut WorkingSet, &mut [f64]),
-    z: &mut [f64],
-    w: &mut [f64],
-) -> (Status, u32) {
-    match problem.solve(kept, work, z, w) {
-        Outcome::Optimal(changes) => (Status::Optimal, changes),
-        Outcome::Infeasible(changes) => {
-            problem.windows.window(&problem.free[..problem.rows.r()], w);
-            (Status::Infeasible, changes)
+/// What a step on the ground has beside the methods of [`ddmhe_run`].
+pub(crate) struct Fallbacks<'a> {
+    pub design: &'a Design,
+    pub weights: &'a Weights, // that the problem was made with
+    pub prepared: &'a Prepared,
+}
+
+impl Fallback for Fallbacks<'_> {
+    #[inline(always)]
+    fn vectorised<R>(&self, f: impl FnOnce() -> R) -> R {
+        self.design.units.dispatch(f)
+    }
+
+    fn decide<W: Windows>(
+        &self,
+        problem: &LeastDistance<'_, W>,
+        z: &mut [f64],
+        w: &mut [f64],
+    ) -> (Status, u32) {
+        way_out(problem, z, w)
+    }
+
+    fn two_stages<W: Windows>(
+        &self,
+        problem: &LeastDistance<'_, W>,
+        room: (&mut WorkingSet<'_>, &mut [f64]),
+        z: &mut [f64],
+        w: &mut [f64],
+    ) -> (Status, u32) {
+        match &self.prepared.surplus {
+            Some(surplus) => surplus.solve(problem, self, room, z, w),
+            None => fallback::decide(problem, self, room, z, w),
         }
-        Outcome::Uncertain => way_out(problem, z, w),
+    }
+
+    #[cold]
+    fn anew(
+        &self,
+        _: &WindowProblem<'_>,
+        data: &Data<'_>,
+        room: (&mut WorkingSet<'_>, &mut Scratch<'_>),
+        answer: (&mut [f64], &mut [f64]),
+    ) -> Option<WindowSolution> {
+        let made = self.design.without_missing(self.prepared, self.weights, data.outputs).ok()?;
+        let fallback = Fallbacks { prepared: &made, ..*self };
+        made.problem().solve(&fallback, data, room, answer)
     }
 }
 
 /// Into z and its window w: the answer, or z* with its window if there is none.
 #[cold]
 pub(crate) fn way_out<W: Windows>(
-    problem: &Problem<'_, W>,
+    problem: &LeastDistance<'_, W>,
     z: &mut [f64],
     w: &mut [f64],
 ) -> (Status, u32) {
     let rows = Bounded::new(problem, w);
     let known = |bounds: &[f64]| bounds.iter().all(|b| !b.is_nan());
-    if !problem.free.iter().all(|z| z.is_finite()) || !known(&rows.lo) || !known(&rows.hi) {
-        z[..rows.r].copy_from_slice(&problem.free[..rows.r]);
+    if !problem.unconstrained.iter().all(|z| z.is_finite()) || !known(&rows.lo) || !known(&rows.hi)
+    {
+        z[..rows.r].copy_from_slice(&problem.unconstrained[..rows.r]);
         return (Status::Failed, 0);
     }
     let Answer { residual, z: point, infeasible, iterations } = rows.answer(z, w);
@@ -120,16 +158,16 @@ pub(crate) fn way_out<W: Windows>(
         _ => Status::Failed,
     };
     let answered = matches!(status, Status::Optimal | Status::AlmostOptimal);
-    z[..rows.r].copy_from_slice(if answered { &point } else { &problem.free[..rows.r] });
+    z[..rows.r].copy_from_slice(if answered { &point } else { &problem.unconstrained[..rows.r] });
     problem.windows.window(&z[..rows.r], w);
     (if answered { problem.as_far_as_inside(w, status) } else { status }, iterations)
 }
 
 impl<'a, 'b, W: Windows> Bounded<'a, 'b, W> {
-    fn new(problem: &'a Problem<'b, W>, w: &mut [f64]) -> Self {
-        let (all, r) = (problem.rows, problem.rows.r());
+    fn new(problem: &'a LeastDistance<'b, W>, w: &mut [f64]) -> Self {
+        let (all, r) = (problem.rows, problem.rows.r);
         let stride = r.next_multiple_of(4);
-        problem.windows.window(&problem.free[..r], w);
+        problem.windows.window(&problem.unconstrained[..r], w);
         let bounded = |i: &usize| problem.lo[*i].is_finite() || problem.hi[*i].is_finite();
         let rows: Vec<usize> = (0..all.len()).filter(bounded).collect();
         let mut normals = Mat::zeros(rows.len(), r);
@@ -145,14 +183,14 @@ impl<'a, 'b, W: Windows> Bounded<'a, 'b, W> {
                 (0..r).for_each(|j| normals[(k, j)] = normal[j] / length);
             }
         }
-        let scale = |k: usize| all.inverse(rows[k]) / lengths[k];
+        let scale = |k: usize| all.inverse[rows[k]] / lengths[k];
         let distance = |bounds: &[f64]| {
             (0..rows.len()).map(|k| (bounds[rows[k]] - w[rows[k]]) * scale(k)).collect()
         };
         Bounded {
             lo: distance(problem.lo),
             hi: distance(problem.hi),
-            units: (0..rows.len()).map(|k| all.unit()[rows[k]] * scale(k)).collect(),
+            units: (0..rows.len()).map(|k| all.unit[rows[k]] * scale(k)).collect(),
             problem,
             rows,
             normals,
@@ -198,15 +236,19 @@ impl<'a, 'b, W: Windows> Bounded<'a, 'b, W> {
 
     /// The dual active-set method, trusting everything.
     fn trusting(&self, iterations: &mut u32, z: &mut [f64], w: &mut [f64]) -> Proposed {
-        let trusting = Problem { trust: Trust::ANYTHING, ..*self.problem };
-        let (outcome, sides, u) = trusting.anew(z, w);
+        let trusting = LeastDistance { trust: Trust::ANYTHING, ..*self.problem };
+        let mut set = OwnSet::new(self.r);
+        let mut working = set.working();
+        let mut memory = vec![0.0; work_len(self.r)];
+        let (outcome, u) = trusting.anew(&mut working, &mut memory, z, w);
+        let sides = working.sides.iter();
         if let Outcome::Optimal(changes) | Outcome::Infeasible(changes) = outcome {
             *iterations += changes;
         }
         let place = |side: &ActiveBound| {
             self.rows.binary_search(&side.row).ok().map(|row| ActiveBound { row, ..*side })
         };
-        let sides: Vec<ActiveBound> = sides.iter().filter_map(place).collect();
+        let sides: Vec<ActiveBound> = sides.filter_map(|side| place(&side)).collect();
         let multipliers = sides.iter().zip(u).map(|(side, u)| u * self.lengths[side.row]).collect();
         let infeasible = matches!(outcome, Outcome::Infeasible(_));
         Proposed { point: self.point(sides, multipliers), infeasible }
@@ -325,7 +367,7 @@ impl<'a, 'b, W: Windows> Bounded<'a, 'b, W> {
     /// The point in z, moved back onto its sides as often as its distance to z* takes their digits,
     /// and its window in w.
     fn settle(&self, point: &Point, z: &mut [f64], w: &mut [f64]) {
-        let Problem { hessian_factor, windows, free, .. } = *self.problem;
+        let LeastDistance { hessian_factor, windows, unconstrained: free, .. } = *self.problem;
         let (r, mut step) = (self.r, point.t.clone());
         z[..r].copy_from_slice(&free[..r]);
         for _ in 0..=tol::REFINEMENTS {
@@ -353,12 +395,12 @@ impl<'a, 'b, W: Windows> Bounded<'a, 'b, W> {
     fn missing(&self, side: ActiveBound, w: &[f64]) -> f64 {
         let row = self.rows[side.row];
         let bound = self.problem.bound(ActiveBound { row, ..side });
-        side.sign * (bound - w[row]) * self.problem.rows.inverse(row) / self.lengths[side.row]
+        side.sign * (bound - w[row]) * self.problem.rows.inverse[row] / self.lengths[side.row]
     }
 
     /// ε of z with its window w.
     fn residual(&self, point: &Point, z: &[f64], w: &[f64]) -> Residual {
-        let free = &self.problem.free[..self.r];
+        let free = &self.problem.unconstrained[..self.r];
         let moved: Vec<f64> = z.iter().zip(free).map(|(z, free)| z - free).collect();
         let (mut rest, scale) = (self.transformed(&moved), norm(&self.transformed(free)));
         let scale = norm(&rest).max(scale);
@@ -432,185 +474,4 @@ fn norm(x: &[f64]) -> f64 {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::active_set::{Rows, work_len};
-    use crate::panels::padded;
-    use rand::{RngExt, SeedableRng};
-    use rand_chacha::ChaCha8Rng;
-    use std::collections::BTreeMap;
-
-    const INF: f64 = f64::INFINITY;
-
-    /// Rows in units up to 1e8 apart, some of them equal, opposite or parallel up to 1e-4 … 1e-14,
-    /// with z* at up to 1e9.
-    struct Hostile {
-        A: Mat<f64>,
-        unit: Vec<f64>,
-        free: Vec<f64>,
-        inside: Vec<f64>,
-        lo: Vec<f64>,
-        hi: Vec<f64>,
-        excess: f64, // by which a pair of bounds contradict each other, in units; 0: `inside` satisfies all
-    }
-
-    fn along(A: &Mat<f64>, row: usize, z: &[f64]) -> f64 {
-        (0..A.ncols()).map(|j| A[(row, j)] * z[j]).sum()
-    }
-
-    fn hostile(rng: &mut ChaCha8Rng) -> Hostile {
-        let (rows, r): (usize, usize) = (rng.random_range(2..60), rng.random_range(1..16));
-        let len = padded(rows);
-        let mut unit = vec![0.0; len];
-        let mut A = Mat::zeros(len, r);
-        for i in 0..rows {
-            let other = if i > 0 { rng.random_range(0..i) } else { 0 };
-            let (sign, off) = match rng.random_range(0..12) {
-                0 if i > 0 => (1.0, 0.0),
-                1 if i > 0 => (-1.0, 0.0),
-                2 if i > 0 => (
-                    if rng.random_bool(0.5) { 1.0 } else { -1.0 },
-                    10_f64.powi(-rng.random_range(2..15)),
-                ),
-                _ => (0.0, 1.0),
-            };
-            let scale =
-                if rng.random_bool(0.5) { 1.0 } else { 10_f64.powf(rng.random_range(-8.0..0.0)) };
-            let length = if unit[other] > 0.0 { unit[other] } else { 1.0 };
-            for j in 0..r {
-                A[(i, j)] =
-                    scale * (sign * A[(other, j)] / length + off * rng.random_range(-1.0..1.0));
-            }
-            unit[i] = scale;
-        }
-        let inside: Vec<f64> = (0..r).map(|_| rng.random_range(-2.0..2.0)).collect();
-        let far = if rng.random_bool(0.5) { 3.0 } else { 10_f64.powf(rng.random_range(0.0..9.0)) };
-        let mut free = vec![0.0; padded(r)];
-        (0..r).for_each(|j| free[j] = inside[j] + far * rng.random_range(-1.0..1.0));
-        let (mut lo, mut hi) = (vec![-INF; len], vec![INF; len]);
-        for i in 0..rows {
-            let w = along(&A, i, &inside);
-            let mut room =
-                || if rng.random_bool(0.3) { 0.0 } else { unit[i] * rng.random_range(0.0..0.5) };
-            let (below, above) = (room(), room());
-            match rng.random_range(0..5) {
-                0 => (lo[i], hi[i]) = (w, w),
-                1 => lo[i] = w - below,
-                2 => hi[i] = w + above,
-                3 => {}
-                _ => (lo[i], hi[i]) = (w - below, w + above),
-            }
-        }
-        let mut excess = 0.0;
-        if rng.random_bool(0.3) {
-            // the last row is the first one, or a sum of others, with a bound that these exclude
-            let many = rng.random_range(1..=(rows - 1).min(r));
-            let weights: Vec<f64> = (0..many).map(|_| rng.random_range(0.1..1.0)).collect();
-            excess = 10_f64.powf(rng.random_range(-8.0..1.0));
-            let last = rows - 1;
-            unit[last] = 1.0;
-            (0..r).for_each(|j| {
-                A[(last, j)] = (0..many).map(|i| weights[i] * A[(i, j)] / unit[i]).sum();
-            });
-            for i in 0..many {
-                hi[i] = along(&A, i, &inside);
-                lo[i] = lo[i].min(hi[i]);
-            }
-            lo[last] = (0..many).map(|i| weights[i] * hi[i] / unit[i]).sum::<f64>()
-                + excess * (many as f64 + 1.0);
-            hi[last] = INF;
-        }
-        Hostile { A, unit, free, inside, lo, hi, excess }
-    }
-
-    /// Status, and the largest violation in units and the distance from z*.
-    fn solve(p: &Hostile) -> (Status, bool, Vec<f64>, Vec<f64>) {
-        let (len, r) = (p.A.nrows(), p.A.ncols());
-        let rows = Rows::new(p.A.as_ref(), vec![0.0; len], p.unit.clone());
-        let problem = Problem {
-            rows: &rows,
-            lo: &p.lo,
-            hi: &p.hi,
-            free: &p.free,
-            hessian_factor: None,
-            windows: &p.A,
-            trust: Trust::CERTAIN,
-        };
-        let (mut z, mut w) = (vec![0.0; padded(r)], vec![0.0; len]);
-        let (status, quick) = match problem.solve(
-            &mut WorkingSet::default(),
-            &mut vec![0.0; work_len(r)],
-            &mut z,
-            &mut w,
-        ) {
-            Outcome::Optimal(_) => (Status::Optimal, true),
-            Outcome::Infeasible(_) => (Status::Infeasible, true),
-            Outcome::Uncertain => (way_out(&problem, &mut z, &mut w).0, false),
-        };
-        (status, quick, z, w)
-    }
-
-    #[test]
-    fn every_status_is_true() {
-        let mut rng = ChaCha8Rng::seed_from_u64(0);
-        let mut counts = BTreeMap::<(String, bool, &str), usize>::new();
-        // a fifth without optimisation, which takes seven times as long
-        let share = if cfg!(debug_assertions) { 5 } else { 1 };
-        for k in 0..20_000 / share {
-            let p = hostile(&mut rng);
-            let (status, quick, z, w) = solve(&p);
-            let kind = if p.excess > 0.0 { "contradicting" } else { "feasible" };
-            *counts.entry((kind.to_string(), quick, status.as_str())).or_default() += 1;
-            let tolerance = match status {
-                Status::Optimal => 1e-9,
-                Status::AlmostOptimal => 1e-6,
-                Status::Infeasible => {
-                    assert!(p.excess > 0.0, "{k}: a window is known that satisfies all bounds");
-                    continue;
-                }
-                Status::Failed => continue,
-            };
-            // a row is summed from numbers of this size
-            let size = |i: usize| {
-                z[..p.A.ncols()]
-                    .iter()
-                    .zip(0..)
-                    .map(|(z, j)| (p.A[(i, j)] * z).powi(2))
-                    .sum::<f64>()
-                    .sqrt()
-            };
-            let violation = |i: usize| {
-                (p.lo[i] - w[i]).max(w[i] - p.hi[i]) / (p.unit[i] + 10.0 * tol::SUMMED * size(i))
-            };
-            let worst =
-                (0..w.len()).filter(|i| p.unit[*i] > 0.0).map(violation).fold(0.0, f64::max);
-            assert!(worst <= tolerance * 1.001, "{k}: {status:?} {worst:e}");
-            assert!(
-                p.excess < 1e-6,
-                "{k}: {status:?} although bounds contradict each other by {:e}",
-                p.excess
-            );
-            if p.excess == 0.0 {
-                // no admissible direction leads down: (z - z*)ᵀ(q - z) ≥ 0 for every q inside
-                let sum = |f: &dyn Fn(usize) -> f64| (0..p.inside.len()).map(f).sum::<f64>();
-                let (t, q) = (|j: usize| z[j] - p.free[j], |j: usize| p.inside[j] - z[j]);
-                let slope = sum(&|j| t(j) * q(j));
-                let norm = |v: &dyn Fn(usize) -> f64| sum(&|j| v(j) * v(j)).sqrt();
-                let scale = norm(&t).max(norm(&|j| p.free[j]));
-                let size = scale * (scale + norm(&q));
-                let tolerance = if status == Status::Optimal { 1e-8 } else { 1e-4 };
-                assert!(slope >= -tolerance * size, "{k}: {status:?} {slope:e} of {size:e}");
-            }
-        }
-        let of = |kind: &str, status: &str| -> usize {
-            counts.iter().filter(|((k, _, s), _)| k == kind && *s == status).map(|(_, n)| n).sum()
-        };
-        // nearly all of them are decided, and only what is nearly dependent needs the way out
-        assert!(of("feasible", "failed") < 28 && of("contradicting", "failed") < 12, "{counts:?}");
-        assert!(
-            share * of("feasible", "optimal") > 13_000
-                && share * of("contradicting", "infeasible") > 5_500,
-            "{counts:?}"
-        );
-    }
-}
+mod tests;

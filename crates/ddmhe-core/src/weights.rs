@@ -1,6 +1,6 @@
 //! The weights of the cost (17), scalar or of a certificate, in scaled units.
 
-use crate::certificate::{Certificate, factor, norm};
+use crate::certificate::{Certificate, factor};
 use crate::config::{Config, Weighting};
 use crate::defaults::Defaults;
 use crate::error::Error;
@@ -152,13 +152,13 @@ impl Weights {
 
     /// √ of the weight of y(t-j), j = `age` (p × p).
     pub fn noise(&self, age: usize, measured: &[bool]) -> Mat<f64> {
-        self.factor(measured).as_ref() * faer::Scale(self.rho.powi(age as i32 - 1).sqrt())
+        self.factor(measured).as_ref() * faer::Scale(self.age(age).sqrt())
     }
 
     /// The weight R of one sample (p × p, by rows, into `out`) without the channels that were not
     /// measured: these are free to be anything, so what is left for the others is the Schur
     /// complement of their block, and zeros.
-    pub fn reduced(&self, measured: impl Fn(usize) -> bool, out: &mut [f64]) {
+    fn reduced(&self, measured: impl Fn(usize) -> bool, out: &mut [f64]) {
         let p = self.R.nrows();
         out.iter_mut().enumerate().for_each(|(k, r)| *r = self.R[(k / p, k % p)]);
         for q in (0..p).filter(|&q| !measured(q)) {
@@ -169,14 +169,6 @@ impl Weights {
             }
             (0..p).for_each(|i| (out[i * p + q], out[q * p + i]) = (0.0, 0.0));
         }
-    }
-
-    /// What the weight of y(t-j), j = `age`, loses (p × p, by rows, into `out`) with the channels
-    /// that were not measured.
-    pub fn lost(&self, age: usize, measured: impl Fn(usize) -> bool, out: &mut [f64]) {
-        let (p, discount) = (self.R.nrows(), self.rho.powi(age as i32 - 1));
-        self.reduced(measured, out);
-        out.iter_mut().enumerate().for_each(|(k, r)| *r = discount * (self.R[(k / p, k % p)] - *r));
     }
 
     /// U with UᵀU the weight of one sample, [`reduced`](Self::reduced) to what was measured.
@@ -211,29 +203,29 @@ impl Weights {
         self.plain.then(|| (0..depth * p).map(weight).collect())
     }
 
-    /// ‖moved‖²_P in scaled units; `room` is for n numbers.
-    #[inline(always)]
-    pub fn prior_size(&self, moved: impl Iterator<Item = f64>, room: &mut [f64]) -> f64 {
-        if !self.plain_prior {
-            room.iter_mut().zip(moved).for_each(|(room, moved)| *room = moved);
-            return norm(&self.prior, room).powi(2);
-        }
-        let mut sum = 0.0;
-        for (i, moved) in moved.enumerate() {
-            sum += (self.prior[(i, i)] * moved).powi(2);
-        }
-        sum
+    /// Whether P is diagonal.
+    pub fn plain_prior(&self) -> bool {
+        self.plain_prior
     }
 
-    /// The second term of (17) in scaled units for a certificate's R, of the fitted noise v in the
-    /// user's units (m·p, time-major, NaN where not measured); `block` is room for p × p numbers.
-    pub fn noise_cost(&self, v: &[f64], s_y: &[f64], block: &mut [f64]) -> f64 {
+    /// √ of P: its diagonal (n) if it has no more, else U with P = UᵀU, by rows (n × n).
+    pub fn prior_factor(&self) -> Vec<f64> {
+        let n = self.prior.nrows();
+        let entry = |k: usize| self.prior[(k / n, k % n)];
+        if self.plain_prior {
+            return (0..n).map(|i| self.prior[(i, i)]).collect();
+        }
+        (0..n * n).map(entry).collect()
+    }
+
+    /// R by rows (p × p).
+    pub fn output_weight(&self) -> Vec<f64> {
         let p = self.R.nrows();
-        v.chunks_exact(p).fold(0.0, |sum, v| {
-            self.reduced(|i| v[i].is_finite(), block);
-            let known = |i: usize| if v[i].is_finite() { v[i] / s_y[i] } else { 0.0 };
-            let row = |i: usize| (0..p).map(|j| block[i * p + j] * known(j)).sum::<f64>();
-            self.rho * sum + (0..p).map(|i| known(i) * row(i)).sum::<f64>()
-        })
+        (0..p * p).map(|k| self.R[(k / p, k % p)]).collect()
+    }
+
+    /// ρ^{j-1} of y(t-j), j = `age`.
+    pub fn age(&self, age: usize) -> f64 {
+        self.rho.powi(age as i32 - 1)
     }
 }

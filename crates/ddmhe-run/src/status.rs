@@ -1,11 +1,9 @@
 //! What a step says of its own answer.
 
-use serde::{Deserialize, Serialize};
-
 /// What the optimisation found. Each is a statement about the numbers that were handed out, checked
 /// whichever solver they came from; a deviation is the channel's own standard deviation over the
 /// recording.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 #[non_exhaustive]
 pub enum Status {
     /// The minimiser: every bound holds to 1e-9 deviations, and so do the optimality conditions,
@@ -21,12 +19,26 @@ pub enum Status {
     Infeasible,
     /// None of these could be shown, or an output was one that cannot be computed with. Also what
     /// nothing has been found for yet. What is handed out then, and after `Infeasible`, is
-    /// described at [`DdMhe::step`](crate::DdMhe::step).
+    /// described at [`Stepper::step`](crate::Stepper::step).
     #[default]
     Failed,
 }
 
 impl Status {
+    /// All of them, each at the place of its [`code`](Self::code).
+    const ALL: [Status; 4] =
+        [Status::Optimal, Status::AlmostOptimal, Status::Infeasible, Status::Failed];
+
+    /// A number for what is saved or sent.
+    pub fn code(self) -> u32 {
+        self as u32
+    }
+
+    /// The status of a [`code`](Self::code).
+    pub fn from_code(code: u32) -> Option<Self> {
+        Self::ALL.get(code as usize).copied()
+    }
+
     /// The status as the word that users see.
     pub fn as_str(self) -> &'static str {
         match self {

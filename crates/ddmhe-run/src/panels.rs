@@ -1,54 +1,75 @@
 //! Products of prepared matrices with vectors, at the speed of the machine's vector units.
 //!
-//! A [`Panels`] holds a matrix in panels of eight rows, column after column, so that a product
-//! reads memory once, in order, with the eight sums in registers. Every sum is taken in an order
-//! that the layout alone fixes and without fused multiplications: the numbers are the same on every
-//! machine, whichever vector units [`vectorised`] finds.
-
-use faer::MatRef;
+//! A matrix lies in panels of eight rows, column after column ([`Panels`]), so that a product reads
+//! memory once, in order, with the eight sums in registers. Every sum is taken in an order that the
+//! layout alone fixes and without fused multiplications: the numbers are the same on every machine,
+//! whichever vector units it has. What is to use them must be inlined into a function that is
+//! compiled for them.
 
 /// Rows of a panel.
-pub(crate) const WIDTH: usize = 8;
+pub const WIDTH: usize = 8;
 
-/// One column of a panel, on a cache line of its own.
-#[derive(Clone, Copy)]
-#[repr(align(64))]
-struct Column([f64; WIDTH]);
+/// One column of a panel.
+type Column = [f64; WIDTH];
 
 /// A matrix for products M x; vectors over its rows are padded to whole panels.
-pub(crate) struct Panels {
+#[derive(Debug, Clone, Copy)]
+pub struct Panels<'a> {
     columns: usize,
-    data: Vec<Column>,
+    data: &'a [Column],
 }
 
 /// `len` rounded up to whole panels.
-pub(crate) fn padded(len: usize) -> usize {
+#[inline(always)]
+pub const fn padded(len: usize) -> usize {
     len.next_multiple_of(WIDTH)
 }
 
-/// Runs `f` compiled for the best vector units of this machine; what is to profit must be inlined
-/// into it.
-#[inline(always)]
-pub(crate) fn vectorised<R>(f: impl FnOnce() -> R) -> R {
-    pulp::Arch::new().dispatch(f)
+/// √x, correctly rounded, with or without the standard library.
+pub(crate) trait Root {
+    fn root(self) -> f64;
 }
 
-impl Panels {
-    pub fn new(M: MatRef<'_, f64>) -> Self {
-        let columns = M.ncols().max(1);
-        let panels = padded(M.nrows()) / WIDTH;
-        let mut data = vec![Column([0.0; WIDTH]); panels * columns];
-        for j in 0..M.ncols() {
-            for i in 0..M.nrows() {
-                data[i / WIDTH * columns + j].0[i % WIDTH] = M[(i, j)];
-            }
-        }
-        Panels { columns, data }
+impl Root for f64 {
+    #[inline(always)]
+    fn root(self) -> f64 {
+        #[cfg(feature = "std")]
+        return self.sqrt();
+        #[cfg(not(feature = "std"))]
+        libm::sqrt(self)
+    }
+}
+
+/// Numbers that a matrix takes in panels.
+pub const fn panels_len(rows: usize, columns: usize) -> usize {
+    padded(rows) * if columns > 0 { columns } else { 1 }
+}
+
+/// Writes a matrix in panels, from its entries.
+pub fn write_panels(
+    (rows, columns): (usize, usize),
+    entry: impl Fn(usize, usize) -> f64,
+    out: &mut [f64],
+) {
+    for i in 0..rows {
+        (0..columns).for_each(|j| out[place(columns, i, j)] = entry(i, j));
+    }
+}
+
+fn place(columns: usize, i: usize, j: usize) -> usize {
+    (i / WIDTH * columns + j) * WIDTH + i % WIDTH
+}
+
+impl<'a> Panels<'a> {
+    /// What [`write_panels`] wrote.
+    #[inline(always)]
+    pub fn new(columns: usize, data: &'a [f64]) -> Self {
+        Panels { columns: if columns > 0 { columns } else { 1 }, data: data.as_chunks().0 }
     }
 
     /// out = start + M x, for many rows and few columns: one running sum a row.
     #[inline(always)]
-    pub fn tall(&self, start: &[f64], x: &[f64], out: &mut [f64]) {
+    pub fn tall(self, start: &[f64], x: &[f64], out: &mut [f64]) {
         let start = start.as_chunks::<WIDTH>().0;
         let panels = self.data.chunks_exact(self.columns);
         for ((panel, start), out) in panels.zip(start).zip(out.as_chunks_mut::<WIDTH>().0) {
@@ -59,7 +80,7 @@ impl Panels {
     /// out = start + M [x; y], for few rows and many columns: four running sums a row, which need
     /// not wait for each other.
     #[inline(always)]
-    pub fn wide(&self, start: &[f64], x: &[f64], y: &[f64], out: &mut [f64]) {
+    pub fn wide(self, start: &[f64], x: &[f64], y: &[f64], out: &mut [f64]) {
         let start = start.as_chunks::<WIDTH>().0;
         let panels = self.data.chunks_exact(self.columns);
         for ((panel, start), out) in panels.zip(start).zip(out.as_chunks_mut::<WIDTH>().0) {
@@ -90,12 +111,12 @@ fn product<const SUMS: usize>(start: [f64; WIDTH], columns: &[Column], x: &[f64]
 #[inline(always)]
 fn add(sum: &mut [f64; WIDTH], column: &Column, x: f64) {
     // products first, all eight: they stay whole vectors wherever this is inlined
-    *sum = each(*sum, each(column.0, [x; WIDTH], |value, x| value * x), |sum, part| sum + part);
+    *sum = each(*sum, each(*column, [x; WIDTH], |value, x| value * x), |sum, part| sum + part);
 }
 
 /// aᵀb of equally long vectors, in four interleaved sums.
 #[inline(always)]
-pub(crate) fn dot(a: &[f64], b: &[f64]) -> f64 {
+pub fn dot(a: &[f64], b: &[f64]) -> f64 {
     debug_assert_eq!(a.len(), b.len());
     let mut sums = [0.0; 4];
     let (a, b) = (a.as_chunks::<4>(), b.as_chunks::<4>());
@@ -112,7 +133,7 @@ pub(crate) fn dot(a: &[f64], b: &[f64]) -> f64 {
 
 /// y += a x.
 #[inline(always)]
-pub(crate) fn axpy(a: f64, x: &[f64], y: &mut [f64]) {
+pub fn axpy(a: f64, x: &[f64], y: &mut [f64]) {
     for (y, x) in y.iter_mut().zip(x) {
         *y += a * x;
     }
@@ -121,7 +142,7 @@ pub(crate) fn axpy(a: f64, x: &[f64], y: &mut [f64]) {
 /// The smallest distance of a value to its bounds, negative outside of them; infinite if there is
 /// none. NaN values (not measured) have no bounds.
 #[inline(always)]
-pub(crate) fn margin(values: &[f64], lo: &[f64], hi: &[f64]) -> f64 {
+pub fn margin(values: &[f64], lo: &[f64], hi: &[f64]) -> f64 {
     let mut least = [f64::INFINITY; WIDTH];
     let (w, l, h) = (values.as_chunks::<WIDTH>(), lo.as_chunks::<WIDTH>(), hi.as_chunks::<WIDTH>());
     for ((w, l), h) in w.0.iter().zip(l.0).zip(h.0) {
@@ -139,13 +160,13 @@ pub(crate) fn margin(values: &[f64], lo: &[f64], hi: &[f64]) -> f64 {
 
 /// The smaller one, b if a is NaN.
 #[inline(always)]
-pub(crate) fn smaller(a: f64, b: f64) -> f64 {
+pub fn smaller(a: f64, b: f64) -> f64 {
     if a < b { a } else { b }
 }
 
 /// Σ w v².
 #[inline(always)]
-pub(crate) fn weighted_square(weights: &[f64], v: &[f64]) -> f64 {
+pub fn weighted_square(weights: &[f64], v: &[f64]) -> f64 {
     let mut sums = [0.0; WIDTH];
     let (w, v) = (weights.as_chunks::<WIDTH>(), v.as_chunks::<WIDTH>());
     for (w, v) in w.0.iter().zip(v.0) {
@@ -159,8 +180,9 @@ pub(crate) fn weighted_square(weights: &[f64], v: &[f64]) -> f64 {
 
 // Here and in `axpy` a loop, not `for_each`, which may be compiled on its own, without the vector
 // units.
+/// f of eight pairs.
 #[inline(always)]
-pub(crate) fn each(a: [f64; WIDTH], b: [f64; WIDTH], f: impl Fn(f64, f64) -> f64) -> [f64; WIDTH] {
+pub fn each(a: [f64; WIDTH], b: [f64; WIDTH], f: impl Fn(f64, f64) -> f64) -> [f64; WIDTH] {
     let mut out = a;
     for (a, b) in out.iter_mut().zip(b) {
         *a = f(*a, b);
@@ -170,7 +192,7 @@ pub(crate) fn each(a: [f64; WIDTH], b: [f64; WIDTH], f: impl Fn(f64, f64) -> f64
 
 /// Eight values to one, by halves.
 #[inline(always)]
-pub(crate) fn halve(mut x: [f64; WIDTH], join: impl Fn(f64, f64) -> f64) -> f64 {
+pub fn halve(mut x: [f64; WIDTH], join: impl Fn(f64, f64) -> f64) -> f64 {
     for half in [WIDTH / 2, WIDTH / 4, WIDTH / 8] {
         (0..half).for_each(|i| x[i] = join(x[i], x[i + half]));
     }

@@ -1,0 +1,310 @@
+//! From a recording's trajectory space and the weights to the block of numbers of one depth that a
+//! step reads, and to the block that all depths share: see [`ddmhe_run::plan`].
+
+use crate::config::Bounds;
+use crate::error::Error;
+use crate::reduction::{Reduced, reduce};
+use crate::space::{Scaling, TrajectorySpace};
+use crate::surplus::Surplus;
+use crate::tol;
+use crate::weights::Weights;
+use ddmhe_run::active_set::{ActiveBound, RowsMut};
+use ddmhe_run::layout::Layout;
+use ddmhe_run::panels::write_panels;
+use ddmhe_run::plan::{Common, Depth, Kind, Margin, Shared, Sizes, Span};
+use ddmhe_run::window::WindowProblem;
+use faer::linalg::solvers::SvdError;
+use faer::{Mat, MatRef};
+use std::sync::Arc;
+
+/// Numbers that begin on a cache line: products read whole lines.
+pub(crate) struct Block {
+    numbers: Vec<f64>,
+    start: usize,
+    len: usize,
+}
+
+impl Block {
+    const LINE: usize = 64;
+
+    fn new(len: usize) -> Self {
+        let numbers = vec![0.0_f64; len + Self::LINE / size_of::<f64>()];
+        let start = numbers.as_ptr().align_offset(Self::LINE);
+        Block { start: if start <= numbers.len() - len { start } else { 0 }, numbers, len }
+    }
+
+    #[inline(always)]
+    pub fn numbers(&self) -> &[f64] {
+        &self.numbers[self.start..self.start + self.len]
+    }
+
+    fn numbers_mut(&mut self) -> &mut [f64] {
+        &mut self.numbers[self.start..self.start + self.len]
+    }
+
+    fn write(&mut self, span: Span, values: impl IntoIterator<Item = f64>) {
+        span.of_mut(self.numbers_mut()).iter_mut().zip(values).for_each(|(at, value)| *at = value);
+    }
+}
+
+/// Everything about one depth that depends only on the recording and the settings, factored.
+pub(crate) struct Draft {
+    pub space: TrajectorySpace,
+    /// The map x̄(t-m) → x̂(t) with y = 0 (n × n).
+    pub prior_map: Mat<f64>,
+    depth: Depth,
+    surplus: Option<Surplus>, // where the cost leaves a choice
+    block: Block,
+}
+
+/// The same, to be solved.
+pub(crate) struct Prepared {
+    pub space: TrajectorySpace,
+    pub surplus: Option<Surplus>,
+    ready: Ready,
+}
+
+// A problem is slices of its blocks: they are made once, not at every step.
+self_cell::self_cell!(
+    struct Ready {
+        owner: (Arc<Ground>, Block),
+        #[covariant]
+        dependent: WindowProblem,
+    }
+);
+
+impl Draft {
+    /// Factors the problem. `measured` (m·p, time-major) says which outputs exist; None: all.
+    pub fn new(
+        layout: Layout,
+        space: TrajectorySpace,
+        scaling: &Scaling,
+        weights: &Weights,
+        (x_bounds, centered): (Option<&Bounds>, bool),
+        measured: Option<&[bool]>,
+    ) -> Result<Self, SvdError> {
+        let reduced = reduce(layout, &space, weights, centered, measured)?;
+        let kind = Kind {
+            centered,
+            plain_prior: weights.plain_prior(),
+            surplus: reduced.unseen.is_some(),
+            for_pattern: measured.is_some(),
+        };
+        let depth = Depth {
+            prior_weight: weights.discount(layout.depth) * weights.unit,
+            ..Depth::new(layout, space.rank(), kind)
+        };
+        let mut block = Block::new(depth.len);
+        depth.write_header(block.numbers_mut());
+        write_maps(&depth, &reduced, &space, &mut block);
+        write_rows(&depth, &reduced.A, &space, scaling, &mut block);
+        write_limits(&depth, x_bounds, scaling, &mut block);
+        block.write(depth.prior, weights.prior_factor());
+        let (last, r) = (layout.x(layout.depth).start, depth.rank);
+        let Reduced { K, A, .. } = &reduced;
+        let entry = |i: usize, j: usize| (0..r).map(|k| A[(last + i, k)] * K[(k, j)]).sum();
+        let prior_map = Mat::from_fn(layout.n, layout.n, entry);
+        let rows = depth.rows(block.numbers());
+        let surplus = reduced.unseen.map(|unseen| Surplus::new(&rows, unseen));
+        Ok(Draft { surplus, prior_map, depth, space, block })
+    }
+
+    /// Number of directions r.
+    pub fn rank(&self) -> usize {
+        self.depth.rank
+    }
+
+    /// To be solved, beside what all depths share.
+    pub fn on(self, ground: &Arc<Ground>) -> Prepared {
+        let Draft { space, surplus, depth, block, .. } = self;
+        let ready = Ready::new((Arc::clone(ground), block), |(ground, block)| {
+            WindowProblem::new(ground.shared(), depth, block.numbers())
+        });
+        Prepared { space, surplus, ready }
+    }
+}
+
+impl Prepared {
+    /// The problem.
+    #[inline(always)]
+    pub fn problem(&self) -> &WindowProblem<'_> {
+        self.ready.borrow_dependent()
+    }
+
+    /// Sizes of its windows.
+    #[inline(always)]
+    pub fn layout(&self) -> Layout {
+        self.problem().depth.layout
+    }
+
+    /// Whether these can be active bounds of this problem.
+    pub fn allows(&self, sides: &[ActiveBound]) -> bool {
+        let rows = self.layout().apart();
+        let known = |side: &ActiveBound| side.row < rows && (side.sign == 1.0 || side.sign == -1.0);
+        sides.len() <= self.problem().depth.rank && sides.iter().all(known)
+    }
+}
+
+/// z_0 and K, and z_c0 and K_c: z = K ([x̄; y] - c).
+fn write_maps(depth: &Depth, reduced: &Reduced, space: &TrajectorySpace, block: &mut Block) {
+    let c: Vec<f64> = depth.layout.seen().map(|row| space.mean[row]).collect();
+    let mut map = |K: MatRef<'_, f64>, c: &[f64], constant: Span, gain: Span| {
+        let minus = |i: usize| -c.iter().enumerate().map(|(j, c)| K[(i, j)] * c).sum::<f64>();
+        block.write(constant, (0..K.nrows()).map(minus));
+        write_panels(K.shape(), |i, j| K[(i, j)], gain.of_mut(block.numbers_mut()));
+    };
+    map(reduced.K.as_ref(), &c, depth.z_0, depth.gain);
+    if let Some(K_c) = &reduced.K_c {
+        map(K_c.as_ref(), &c[depth.layout.n..], depth.center, depth.center_gain);
+    }
+}
+
+/// (16b): the rows of w = c + A z, apart: states in the user's units, outputs as deviations.
+fn write_rows(
+    depth: &Depth,
+    A: &Mat<f64>,
+    space: &TrajectorySpace,
+    scaling: &Scaling,
+    block: &mut Block,
+) {
+    let Layout { n, p, .. } = depth.layout;
+    let (r, split, len) = (depth.rank, depth.layout.split(), depth.layout.apart());
+    let moves = moving(space);
+    let (mut rows, mut offset, mut unit) = (Mat::zeros(len, r), vec![0.0; len], vec![0.0; len]);
+    for (i, row) in depth.layout.states().enumerate() {
+        (0..r).filter(|_| moves[row]).for_each(|j| rows[(i, j)] = A[(row, j)] * scaling.s_x[i % n]);
+        (offset[i], unit[i]) = (space.mean[row] * scaling.s_x[i % n], scaling.unit_x[i % n]);
+    }
+    for (k, row) in depth.layout.outputs().enumerate() {
+        let i = split + k;
+        (0..r).filter(|_| moves[row]).for_each(|j| rows[(i, j)] = A[(row, j)]);
+        (offset[i], unit[i]) = (space.mean[row], scaling.unit_y[k % p] / scaling.s_y[k % p]);
+    }
+    let numbers = block.numbers_mut();
+    write_panels((split, r), |i, j| rows[(i, j)], depth.states.of_mut(numbers));
+    let outputs = depth.outputs.of_mut(numbers);
+    write_panels((len - split, r), |i, j| rows[(split + i, j)], outputs);
+    block.write(depth.offset, offset);
+    block.write(depth.unit, unit.iter().copied());
+    let (mut normals, mut inverse, mut slack) =
+        (vec![0.0; depth.normals.len()], vec![0.0; len], vec![0.0; len]);
+    RowsMut { normals: &mut normals, inverse: &mut inverse, slack: &mut slack }.write(
+        r,
+        |i, j| rows[(i, j)],
+        &unit,
+    );
+    block.write(depth.normals, normals);
+    block.write(depth.inverse, inverse);
+    block.write(depth.slack, slack);
+}
+
+/// (16c): the configured box on the states, as distances from their means; with bounds about x_c(t)
+/// those of a step replace it.
+fn write_limits(depth: &Depth, x_bounds: Option<&Bounds>, scaling: &Scaling, block: &mut Block) {
+    let (n, used) = (depth.layout.n, depth.layout.states_len());
+    let mean = |i: usize| if depth.kind.centered { 0.0 } else { scaling.mean_x[i % n] };
+    let limit = |values: Option<&Vec<f64>>, none: f64, i: usize| match values {
+        Some(values) if i < used => values[i % values.len()] - mean(i),
+        _ => none,
+    };
+    let [lo, hi] = depth.x_limits;
+    let split = depth.layout.split();
+    let (low, high) = (x_bounds.map(|b| &b.lo), x_bounds.map(|b| &b.hi));
+    block.write(lo, (0..split).map(|i| limit(low, f64::NEG_INFINITY, i)));
+    block.write(hi, (0..split).map(|i| limit(high, f64::INFINITY, i)));
+}
+
+/// Which rows of the window move at all: what is left of one that does not is rounding of the
+/// decomposition, and bounds on it would send the minimiser far away for nothing.
+fn moving(space: &TrajectorySpace) -> Vec<bool> {
+    let lengths: Vec<f64> = space.basis.row_iter().map(|row| row.norm_l2()).collect();
+    let largest = lengths.iter().copied().fold(0.0, f64::max);
+    lengths.iter().map(|&length| length > tol::UNMOVED * largest).collect()
+}
+
+/// The block that all depths share, and the window that a new run begins with.
+pub(crate) struct Ground {
+    common: Common,
+    block: Block,
+}
+
+impl Ground {
+    /// `start`: states and outputs of a new run's window, as scaled deviations.
+    pub fn new(
+        sizes: Sizes,
+        scaling: &Scaling,
+        weights: &Weights,
+        (x, v): (Option<&Bounds>, Option<&Bounds>),
+        (states, outputs): (&[f64], &[f64]),
+    ) -> Self {
+        let (M, n, p) = (sizes.horizon, sizes.n, sizes.p);
+        let common = Common {
+            margins: [Margin::new(&scaling.unit_x), Margin::new(&scaling.unit_y)],
+            rho: weights.rho,
+            unit: weights.unit,
+            ..Common::new(sizes)
+        };
+        let mut block = Block::new(common.len);
+        let inverse = |s: &[f64]| s.iter().map(|s| 1.0 / s).collect::<Vec<_>>();
+        let (per_s_x, per_s_y) = (inverse(&scaling.s_x), inverse(&scaling.s_y));
+        let mut write = |span: Span, values: &[f64], times: usize| {
+            block.write(span, values.iter().copied().cycle().take(values.len() * times));
+        };
+        write(common.mean_x, &scaling.mean_x, 1);
+        write(common.s_x, &scaling.s_x, 1);
+        write(common.per_s_x, &per_s_x, 1);
+        write(common.mean_y, &scaling.mean_y, 1);
+        write(common.s_y, &scaling.s_y, 1);
+        write(common.means, &scaling.mean_x, M + 1);
+        write(common.scales[0], &scaling.s_y, M);
+        write(common.scales[1], &per_s_y, M);
+        write(common.states, states, 1);
+        write(common.outputs, outputs, 1);
+        for (bounds, spans, times) in [(x, common.x_limits, n), (v, common.v_limits, M * p)] {
+            let Some(bounds) = bounds else { continue };
+            write(spans[0], &bounds.lo, times / bounds.lo.len());
+            write(spans[1], &bounds.hi, times / bounds.hi.len());
+        }
+        block.write(common.R, weights.output_weight());
+        block.write(common.discount, (1..=M).map(|age| weights.age(age)));
+        if let Some(noise) = weights.diagonal_noise(M, &scaling.s_y) {
+            block.write(common.noise, noise);
+        }
+        Ground { common, block }
+    }
+
+    /// To be read.
+    pub fn shared(&self) -> Shared<'_> {
+        Shared::new(&self.common, self.block.numbers())
+    }
+
+    /// Sizes and choices.
+    pub fn sizes(&self) -> Sizes {
+        self.common.sizes
+    }
+
+    /// All blocks as one plan: see [`ddmhe_run::Plan::from_bytes`].
+    pub fn bytes(&self, problems: &[Prepared], opening: &[Prepared]) -> Vec<u8> {
+        let all = || problems.iter().chain(opening);
+        let total =
+            self.common.len + all().map(|prepared| prepared.problem().depth.len).sum::<usize>();
+        let mut numbers = self.block.numbers().to_vec();
+        let blocks = [problems.len(), opening.len()];
+        self.common.write_header(&mut numbers, total, blocks);
+        for prepared in all() {
+            let (_, block) = prepared.ready.borrow_owner();
+            numbers.extend_from_slice(block.numbers());
+        }
+        ddmhe_run::plan::seal(&mut numbers);
+        numbers.iter().flat_map(|number| number.to_le_bytes()).collect()
+    }
+}
+
+/// A problem that cannot be factored, in words.
+pub(crate) fn factorisation(_: SvdError) -> Error {
+    Error::rank(
+        "history",
+        "data whose singular values can be computed",
+        "data on which the decomposition does not converge",
+    )
+}

@@ -1,0 +1,62 @@
+//! The cost (17) of a window, in the user's units.
+
+use crate::panels::{Root, weighted_square};
+use crate::reweight::reduced;
+use crate::window::{Data, Scratch, WindowProblem};
+
+impl WindowProblem<'_> {
+    /// (17): the distance of x̂(t-m) from the prior and the fitted noise v, weighted.
+    #[inline(always)]
+    pub(crate) fn cost(&self, data: &Data<'_>, s: &mut Scratch<'_>, v: &[f64]) -> f64 {
+        let per_s_x = self.shared.per_s_x;
+        let moved =
+            s.window.iter().zip(per_s_x).zip(data.prior).map(|((x, per), prior)| x * per - prior);
+        let prior =
+            self.depth.prior_weight * self.prior_size(moved, &mut s.moved[..data.prior.len()]);
+        prior
+            + match self.shared.noise(self.depth.layout) {
+                Some(weights) if data.missing => {
+                    let known = &mut s.outputs[..v.len()];
+                    known
+                        .iter_mut()
+                        .zip(v)
+                        .for_each(|(known, v)| *known = if v.is_nan() { 0.0 } else { *v });
+                    weighted_square(weights, known)
+                }
+                Some(weights) => weighted_square(weights, v),
+                None => self.shared.unit * self.noise_cost(v, s.block),
+            }
+    }
+
+    /// ‖moved‖²_P in scaled units; `room` is for n numbers.
+    #[inline(always)]
+    fn prior_size(&self, moved: impl Iterator<Item = f64>, room: &mut [f64]) -> f64 {
+        let U = self.prior;
+        let mut sum = 0.0;
+        if self.depth.kind.plain_prior {
+            for (u, moved) in U.iter().zip(moved) {
+                sum += (u * moved) * (u * moved);
+            }
+            return sum;
+        }
+        room.iter_mut().zip(moved).for_each(|(room, moved)| *room = moved);
+        for row in U.chunks_exact(room.len()) {
+            let along: f64 = row.iter().zip(&*room).map(|(u, moved)| u * moved).sum();
+            sum += along * along;
+        }
+        let size = sum.root();
+        size * size
+    }
+
+    /// The second term of (17) in scaled units for a certificate's R, of the fitted noise v in the
+    /// user's units (m·p, time-major, NaN where not measured); `block` is room for p × p numbers.
+    fn noise_cost(&self, v: &[f64], block: &mut [f64]) -> f64 {
+        let (p, s_y) = (self.depth.layout.p, self.shared.s_y);
+        v.chunks_exact(p).fold(0.0, |sum, v| {
+            reduced(&self.shared, |i| v[i].is_finite(), &mut block[..p * p]);
+            let known = |i: usize| if v[i].is_finite() { v[i] / s_y[i] } else { 0.0 };
+            let row = |i: usize| (0..p).map(|j| block[i * p + j] * known(j)).sum::<f64>();
+            self.shared.rho * sum + (0..p).map(|i| known(i) * row(i)).sum::<f64>()
+        })
+    }
+}

@@ -1,0 +1,24 @@
+//! What a step in the caller's memory returns, with its evidence.
+
+use crate::status::Status;
+
+/// The estimate of one step and the evidence behind it. All arrays are time-major, in the user's
+/// units.
+#[derive(Debug, Clone, Copy)]
+pub struct Estimate<'a> {
+    /// x̂(t) (n), from outputs up to y(t-1).
+    pub x: &'a [f64],
+    /// The whole estimated window x̂(t-M_t|t) … x̂(t|t), (M_t+1)·n, oldest first.
+    pub window: &'a [f64],
+    /// Fitted noise v̂(t-M_t|t) … v̂(t-1|t), M_t·p; NaN where nothing was measured, or where the
+    /// output was left out.
+    pub v: &'a [f64],
+    /// Cost (17) at the estimate (a weight on ‖α‖² is not part of it).
+    pub cost: f64,
+    /// What the optimisation found.
+    pub status: Status,
+    /// Number of bounds that the window touches.
+    pub active: usize,
+    /// Changes of the active set since the last step.
+    pub iterations: u32,
+}

@@ -1,0 +1,100 @@
+//! What a step does where the methods of this crate are not certain.
+
+use crate::active_set::{LeastDistance, Outcome, Windows, WorkingSet};
+use crate::status::Status;
+use crate::window::{Data, Scratch, WindowProblem, WindowSolution};
+
+/// Another way to an answer. A ground station has solvers and memory for it; in flight there is
+/// [`Alone`].
+pub trait Fallback {
+    /// Runs `f`, which is inlined, compiled for the vector units of this machine if there is a way.
+    #[inline(always)]
+    fn vectorised<R>(&self, f: impl FnOnce() -> R) -> R {
+        f()
+    }
+
+    /// Into z and its window w, where the active-set method is not certain: the answer, or z* with
+    /// its window if there is none; with the changes that it took.
+    fn decide<W: Windows>(
+        &self,
+        problem: &LeastDistance<'_, W>,
+        z: &mut [f64],
+        w: &mut [f64],
+    ) -> (Status, u32);
+
+    /// The same where the cost leaves directions to the least norm and bounds are active.
+    fn two_stages<W: Windows>(
+        &self,
+        problem: &LeastDistance<'_, W>,
+        room: (&mut WorkingSet<'_>, &mut [f64]),
+        z: &mut [f64],
+        w: &mut [f64],
+    ) -> (Status, u32);
+
+    /// The window where too little is left of the cost without the missing outputs, by a problem
+    /// made for what was measured; None where that is not to be had.
+    fn anew(
+        &self,
+        problem: &WindowProblem<'_>,
+        data: &Data<'_>,
+        room: (&mut WorkingSet<'_>, &mut Scratch<'_>),
+        answer: (&mut [f64], &mut [f64]),
+    ) -> Option<WindowSolution>;
+}
+
+/// No other way: what is not certain is [`Status::Failed`].
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Alone;
+
+impl Fallback for Alone {
+    fn decide<W: Windows>(
+        &self,
+        problem: &LeastDistance<'_, W>,
+        z: &mut [f64],
+        w: &mut [f64],
+    ) -> (Status, u32) {
+        let r = problem.rows.r;
+        z[..r].copy_from_slice(&problem.unconstrained[..r]);
+        problem.windows.window(&z[..r], w);
+        (Status::Failed, 0)
+    }
+
+    fn two_stages<W: Windows>(
+        &self,
+        problem: &LeastDistance<'_, W>,
+        _: (&mut WorkingSet<'_>, &mut [f64]),
+        z: &mut [f64],
+        w: &mut [f64],
+    ) -> (Status, u32) {
+        self.decide(problem, z, w)
+    }
+
+    fn anew(
+        &self,
+        _: &WindowProblem<'_>,
+        _: &Data<'_>,
+        _: (&mut WorkingSet<'_>, &mut Scratch<'_>),
+        _: (&mut [f64], &mut [f64]),
+    ) -> Option<WindowSolution> {
+        None
+    }
+}
+
+/// The dual active-set method and, where that is not certain, the fallback.
+#[inline(always)]
+pub fn decide<W: Windows>(
+    problem: &LeastDistance<'_, W>,
+    fallback: &impl Fallback,
+    (working, work): (&mut WorkingSet<'_>, &mut [f64]),
+    z: &mut [f64],
+    w: &mut [f64],
+) -> (Status, u32) {
+    match problem.solve(working, work, z, w) {
+        Outcome::Optimal(changes) => (Status::Optimal, changes),
+        Outcome::Infeasible(changes) => {
+            problem.windows.window(&problem.unconstrained[..problem.rows.r], w);
+            (Status::Infeasible, changes)
+        }
+        Outcome::Uncertain => fallback.decide(problem, z, w),
+    }
+}

@@ -1,0 +1,66 @@
+//! A prepared data-driven moving horizon estimator, step by step: no standard library, no
+//! allocation, no solver.
+//!
+//! # The problem
+//! At each time t, over the windows w = c + B b that a recording allows and with M_t outputs in the
+//! window,
+//!
+//! > minimise 2 ρ^{M_t} ‖x̂(t-M_t) - x̄(t-M_t)‖² + Σ_{j=1..M_t} ρ^{j-1} μ ‖v̂(t-j)‖²    (17)
+//! >
+//! > subject to w a combination of recorded windows    (16b)
+//! >
+//! > x̂ ∈ X, v̂ ∈ V    (16c, 16d)
+//!
+//! and return x̂(t). Equation numbers are those of X. Liu et al., "Data-driven Moving Horizon
+//! Estimation for Angular Velocity of Space Noncooperative Target in Electromagnetic De-tumbling
+//! Mission", arXiv 2301.05351v3, cited as Liu 2026. What depends on the recording and the settings
+//! alone is computed on the ground, by `ddmhe-core`, and comes here as a [`Plan`]: plain numbers,
+//! which may lie in flash. A [`Stepper`] runs it.
+//!
+//! # Notation
+//! m = M_t outputs in the window, r directions. "Scaled": in units of each channel's scale,
+//! deviations from the recording's mean.
+//!
+//! | symbol | identifier | shape | unit | equation |
+//! |---|---|---|---|---|
+//! | x̂(t-m) … x̂(t) | [`Estimate::window`] | (m+1)·n | of x | (16c) |
+//! | v̂(t-m) … v̂(t-1) | [`Estimate::v`] | m·p | of y | (16d) |
+//! | x̄(t-m) | [`window::Data::prior`] | n | scaled | (17) |
+//! | z_0, K: z* = z_0 + K \[x̄; y\] | [`plan::Depth`]: z_0, gain | r, r × (n+m p) | scaled | (17) |
+//! | c, A: w = c + A z | [`plan::Depth`]: offset, states, outputs | rows, rows × r | | (16b) |
+//! | z*, z | [`window::Scratch`]: unconstrained, z | r | | (16) |
+//! | 2ρ^m P, R | [`plan::Depth`]: prior; [`plan::Common`]: R | n × n, p × p | scaled | (17) |
+//!
+//! # A tour
+//! [`layout`] (where a row is) → [`plan`] (the numbers) → [`window`] (Eq. (16) for one window, with
+//! `bounds`, `cost` and `reweight`: outputs that are lost) → [`active_set`] (active bounds) →
+//! [`memory`] (the sliding window) → [`stepper`] (Algorithm 1). [`panels`] are the products, [`tol`]
+//! every tolerance. [`fallback`] is where a ground station's solver comes in.
+
+#![no_std]
+
+#[cfg(feature = "std")]
+extern crate std;
+
+pub mod active_set;
+mod bounds;
+mod cost;
+mod estimate;
+pub mod fallback;
+pub mod layout;
+pub mod memory;
+pub mod panels;
+pub mod plan;
+mod reweight;
+mod status;
+pub mod stepper;
+pub mod tol;
+pub mod window;
+
+pub use estimate::Estimate;
+pub use fallback::{Alone, Fallback};
+pub use layout::Layout;
+pub use memory::Memory;
+pub use plan::{Aligned, Plan, PlanError};
+pub use status::Status;
+pub use stepper::Stepper;

@@ -1,0 +1,382 @@
+//! The numbers of a running estimator, in one block: the moving window and the room that a step
+//! works in.
+
+use crate::active_set::{ActiveBound, Kept, Sides, WorkingSet, work_len};
+use crate::panels::padded;
+use crate::plan::Sizes;
+use crate::tol;
+use crate::window::Scratch;
+use core::ops::Range;
+
+/// The last samples of a signal, contiguous in memory: the window slides through a longer stretch
+/// and moves back to its beginning once at the end of it, so that a step costs no shift.
+#[derive(Debug, Clone, Copy)]
+struct SlidingBuffer {
+    at: usize,      // where the stretch begins
+    width: usize,   // numbers in a sample
+    samples: usize, // in the stretch
+    start: usize,
+    len: usize,
+}
+
+impl SlidingBuffer {
+    #[inline]
+    fn window(&self) -> Range<usize> {
+        let first = self.at + self.start * self.width;
+        first..first + self.len * self.width
+    }
+
+    /// Where the last samples are.
+    #[inline]
+    fn last(&self, samples: usize) -> Range<usize> {
+        let end = self.window().end;
+        end - samples * self.width..end
+    }
+
+    /// Where the next sample goes.
+    #[inline]
+    fn next(&mut self, block: &mut [f64]) -> Range<usize> {
+        if self.start + self.len == self.samples {
+            block.copy_within(self.window(), self.at);
+            self.start = 0;
+        }
+        self.len += 1;
+        self.last(1)
+    }
+
+    #[inline]
+    fn forget(&mut self) {
+        self.start += 1;
+        self.len -= 1;
+    }
+
+    fn clear(&mut self) {
+        (self.start, self.len) = (0, 0);
+    }
+}
+
+/// Sizes of the room that a step works in, in the order in which it lies in the block.
+#[derive(Debug, Clone, Copy)]
+struct Room {
+    rank: usize,   // of z* and z, padded
+    window: usize, // of the window and its bounds, padded
+    outputs: usize,
+    hessian_factor: usize,
+    block: usize,
+    moved: usize,
+    sides: usize,
+}
+
+impl Room {
+    fn new(n: usize, p: usize, depth: usize, r: usize) -> Self {
+        Room {
+            rank: padded(r),
+            window: padded((depth + 1) * n) + padded(depth * p),
+            outputs: padded(depth * p),
+            hessian_factor: r * r.next_multiple_of(4),
+            block: padded(p * p),
+            moved: padded(n),
+            sides: padded(r),
+        }
+    }
+
+    fn len_before_sides(&self) -> usize {
+        let Room { rank, window, outputs, hessian_factor, block, moved, .. } = *self;
+        2 * rank + 3 * window + outputs + hessian_factor + block + moved
+    }
+
+    fn len(&self, r: usize) -> usize {
+        self.len_before_sides() + 2 * self.sides + work_len(r)
+    }
+}
+
+/// The moving window, as scaled deviations, and room for a step, in numbers that are owned or lent.
+///
+/// The window of a step may be shorter than what is kept: a run that grows through a few depths only
+/// keeps all outputs until the horizon is reached.
+#[derive(Debug, Clone)]
+pub struct Memory<B> {
+    block: B,
+    outputs: SlidingBuffer,
+    states: SlidingBuffer,
+    depth: usize,   // outputs in the window of this step
+    missing: usize, // NaN among the outputs that are kept
+    aside: usize,   // where the outputs are kept that were set aside
+    room: Room,
+    scratch: usize, // where the room begins
+    sides: usize,   // active bounds of the last step
+    before: usize,
+    kept: Kept,
+}
+
+/// Samples in the stretch that a window slides through.
+fn samples(depth: usize) -> usize {
+    2 * depth.max(32) + 1
+}
+
+/// Numbers that a memory takes, for windows up to `horizon` and up to `rank` directions.
+pub fn memory_len(Sizes { n, p, horizon, rank, .. }: Sizes) -> usize {
+    let stretch = padded(samples(horizon) * p) + padded(samples(horizon) * n);
+    stretch + padded(horizon * p) + Room::new(n, p, horizon, rank).len(rank)
+}
+
+impl<B: AsRef<[f64]> + AsMut<[f64]>> Memory<B> {
+    /// In a block of [`memory_len`] zeros.
+    pub fn new(Sizes { n, p, horizon, rank, .. }: Sizes, block: B) -> Self {
+        let samples = samples(horizon);
+        let aside = padded(samples * p) + padded(samples * n);
+        let slide = |at, width| SlidingBuffer { at, width, samples, start: 0, len: 0 };
+        Memory {
+            block,
+            outputs: slide(0, p),
+            states: slide(padded(samples * p), n),
+            depth: 0,
+            missing: 0,
+            aside,
+            room: Room::new(n, p, horizon, rank),
+            scratch: aside + padded(horizon * p),
+            sides: 0,
+            before: 0,
+            kept: Kept::default(),
+        }
+    }
+
+    /// As new.
+    pub fn clear(&mut self) {
+        self.block.as_mut().fill(0.0);
+        self.outputs.clear();
+        self.states.clear();
+        (self.depth, self.missing, self.sides, self.before) = (0, 0, 0, 0);
+        self.kept = Kept::default();
+    }
+
+    /// Outputs that are kept.
+    #[inline]
+    pub fn len(&self) -> usize {
+        self.outputs.len
+    }
+
+    /// Whether no output is kept.
+    pub fn is_empty(&self) -> bool {
+        self.outputs.len == 0
+    }
+
+    /// Outputs in the window of this step.
+    #[inline]
+    pub fn depth(&self) -> usize {
+        self.depth
+    }
+
+    /// The window of this step has another depth: rows have other places in it.
+    pub fn deepen(&mut self, depth: usize) {
+        self.depth = depth;
+        self.working_set().clear();
+    }
+
+    /// All outputs that are kept.
+    #[inline]
+    pub fn outputs(&self) -> &[f64] {
+        &self.block.as_ref()[self.outputs.window()]
+    }
+
+    /// All states that are kept.
+    #[inline]
+    pub fn states(&self) -> &[f64] {
+        &self.block.as_ref()[self.states.window()]
+    }
+
+    /// The states of the window of this step but the newest, which is not estimated yet: x̄ first.
+    #[inline]
+    pub fn past(&self) -> &[f64] {
+        &self.block.as_ref()[self.states.last(self.depth)]
+    }
+
+    /// The outputs in the window of this step.
+    #[inline]
+    pub fn window(&self) -> &[f64] {
+        &self.block.as_ref()[self.outputs.last(self.depth)]
+    }
+
+    /// Whether an output in the window was not measured.
+    #[inline]
+    fn missing(&self) -> bool {
+        self.missing > 0
+            && (self.depth == self.outputs.len || self.window().iter().any(|y| y.is_nan()))
+    }
+
+    /// An entry beyond [`MEASURABLE`](tol::MEASURABLE) counts as not measured. Returns how many do.
+    #[inline]
+    pub fn push_output(&mut self, y: impl Iterator<Item = f64>) -> usize {
+        let at = self.outputs.next(self.block.as_mut());
+        let mut missing = 0;
+        for (slot, y) in self.block.as_mut()[at].iter_mut().zip(y) {
+            let within = y.abs() <= tol::MEASURABLE;
+            *slot = if within { y } else { f64::NAN };
+            missing += usize::from(!within);
+        }
+        self.missing += missing;
+        missing
+    }
+
+    /// Whether nothing was measured in these samples of the window.
+    pub fn silent(&self, samples: Range<usize>) -> bool {
+        let p = self.outputs.width;
+        self.window()[samples.start * p..samples.end * p].iter().all(|y| y.is_nan())
+    }
+
+    /// The sample of the window with the output that is furthest from the recording's mean.
+    pub fn furthest(&self) -> usize {
+        let far = |(k, y): (usize, &f64)| (if y.is_nan() { 0.0 } else { y.abs() }, k);
+        let most = self.window().iter().enumerate().map(far).max_by(|a, b| a.0.total_cmp(&b.0));
+        most.map_or(0, |(_, k)| k / self.outputs.width)
+    }
+
+    /// From now on these samples of the window count as not measured; [`take_back`](Self::take_back)
+    /// undoes it.
+    pub fn set_aside(&mut self, samples: Range<usize>) {
+        let (p, window) = (self.outputs.width, self.outputs.last(self.depth));
+        let block = self.block.as_mut();
+        block.copy_within(window.clone(), self.aside);
+        block[window.start + samples.start * p..window.start + samples.end * p].fill(f64::NAN);
+        self.count_missing();
+    }
+
+    /// The outputs as they were when some were [set aside](Self::set_aside).
+    pub fn take_back(&mut self) {
+        let window = self.outputs.last(self.depth);
+        self.block.as_mut().copy_within(self.aside..self.aside + window.len(), window.start);
+        self.count_missing();
+    }
+
+    /// A window that nothing is known of: the recording's mean state throughout, and no output.
+    pub fn forget_all(&mut self) {
+        let (outputs, states) = (self.outputs.window(), self.states.window());
+        self.block.as_mut()[outputs].fill(f64::NAN);
+        self.block.as_mut()[states].fill(0.0);
+        self.count_missing();
+    }
+
+    fn count_missing(&mut self) {
+        self.missing = self.outputs().iter().filter(|y| y.is_nan()).count();
+    }
+
+    /// Another newest state, as scaled deviations.
+    pub fn replace_newest(&mut self, x: impl Iterator<Item = f64>) {
+        let at = self.states.last(1);
+        self.block.as_mut()[at].iter_mut().zip(x).for_each(|(slot, x)| *slot = x);
+    }
+
+    /// Other states for those of a window that is estimated: its past and the newest.
+    pub fn replace_states(&mut self, states: impl Iterator<Item = f64>) {
+        let at = self.states.last(self.depth + 1);
+        self.block.as_mut()[at].iter_mut().zip(states).for_each(|(slot, x)| *slot = x);
+    }
+
+    /// Other states for those between the oldest and the newest of such a window.
+    pub fn replace_past(&mut self, states: impl Iterator<Item = f64>) {
+        let at = self.states.last(self.depth);
+        self.block.as_mut()[at].iter_mut().zip(states).for_each(|(slot, x)| *slot = x);
+    }
+
+    /// Appends a state, as scaled deviations.
+    #[inline(always)]
+    pub fn push_state(&mut self, x: impl Iterator<Item = f64>) {
+        let at = self.states.next(self.block.as_mut());
+        self.block.as_mut()[at].iter_mut().zip(x).for_each(|(slot, x)| *slot = x);
+    }
+
+    /// Forgets the oldest output and the oldest state.
+    #[inline]
+    pub fn forget(&mut self) {
+        if self.missing > 0 {
+            let oldest = &self.outputs()[..self.outputs.width];
+            self.missing -= oldest.iter().filter(|y| y.is_nan()).count();
+        }
+        self.outputs.forget();
+        self.states.forget();
+    }
+
+    /// The active bounds of the last step.
+    pub fn working_set(&mut self) -> WorkingSet<'_> {
+        self.parts().working
+    }
+
+    /// The same, to be saved.
+    pub fn active(&self) -> impl Iterator<Item = ActiveBound> + '_ {
+        let at = self.scratch + self.room.len_before_sides();
+        self.block.as_ref()[at..at + self.sides].iter().map(|code| ActiveBound::decode(*code))
+    }
+
+    /// Whether they move with the window.
+    pub fn moves(&self) -> bool {
+        self.kept.moves
+    }
+
+    /// Takes up saved active bounds of a window of this depth.
+    pub fn resume(&mut self, depth: usize, active: &[ActiveBound], moves: bool) {
+        if depth > self.len() {
+            return; // no step was made
+        }
+        self.deepen(depth);
+        let mut working = self.working_set();
+        active.iter().for_each(|side| working.sides.push(*side));
+        working.kept.moves = moves;
+    }
+
+    /// The window's x̄ and outputs, and the room for a step.
+    #[inline(always)]
+    pub fn parts(&mut self) -> Parts<'_> {
+        let missing = self.missing();
+        let (states, outputs) = (self.states.last(self.depth), self.outputs.last(self.depth));
+        let (window, room) = self.block.as_mut().split_at_mut(self.scratch);
+        let (unconstrained, room) = room.split_at_mut(self.room.rank);
+        let (z, room) = room.split_at_mut(self.room.rank);
+        let (answer, room) = room.split_at_mut(self.room.window);
+        let (lo, room) = room.split_at_mut(self.room.window);
+        let (hi, room) = room.split_at_mut(self.room.window);
+        let (filled, room) = room.split_at_mut(self.room.outputs);
+        let (hessian_factor, room) = room.split_at_mut(self.room.hessian_factor);
+        let (block, room) = room.split_at_mut(self.room.block);
+        let (moved, room) = room.split_at_mut(self.room.moved);
+        let (sides, room) = room.split_at_mut(self.room.sides);
+        let (before, work) = room.split_at_mut(self.room.sides);
+        let n = self.states.width;
+        Parts {
+            prior: &window[states.start..states.start + n],
+            outputs: &window[outputs],
+            missing,
+            scratch: Scratch {
+                unconstrained,
+                z,
+                window: answer,
+                lo,
+                hi,
+                outputs: filled,
+                hessian_factor,
+                block,
+                moved,
+                work,
+            },
+            working: WorkingSet {
+                sides: Sides::new(sides, &mut self.sides),
+                before: Sides::new(before, &mut self.before),
+                kept: &mut self.kept,
+            },
+        }
+    }
+}
+
+/// A memory, part by part.
+#[derive(Debug)]
+pub struct Parts<'a> {
+    /// x̄(t-m) (n), as scaled deviations.
+    pub prior: &'a [f64],
+    /// y(t-m) … y(t-1) (m·p), NaN where not measured.
+    pub outputs: &'a [f64],
+    /// Whether there is a NaN among them.
+    pub missing: bool,
+    /// Room for a step.
+    pub scratch: Scratch<'a>,
+    /// The active bounds of the last step.
+    pub working: WorkingSet<'a>,
+}

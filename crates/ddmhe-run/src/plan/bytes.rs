@@ -1,0 +1,222 @@
+//! Plans as bytes, and back.
+
+use super::{Common, Depth, HEAD, HEADER, Kind, Margin, Plan, Sizes};
+use crate::layout::Layout;
+use crate::panels::padded;
+use core::fmt;
+
+const MAGIC: u64 = u64::from_le_bytes(*b"ddmheplN");
+/// Goes up with every change of what a plan holds.
+const FORMAT: f64 = 1.0;
+/// Where the checksum is, which is of everything else.
+const SUM: usize = 3;
+
+/// Bytes where doubles can be read: `static PLAN: Aligned<[u8; LEN]> = Aligned(*include_bytes!(…))`.
+#[derive(Debug, Clone, Copy)]
+#[repr(C, align(64))]
+pub struct Aligned<T>(pub T);
+
+/// Why bytes are no plan.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum PlanError {
+    /// They do not begin where a double can be: see [`Aligned`].
+    Alignment,
+    /// Nothing that this package wrote.
+    Foreign,
+    /// Of another format.
+    Format,
+    /// Cut off, or longer than they say.
+    Length,
+    /// Changed since they were written.
+    Checksum,
+    /// Their sizes contradict each other.
+    Sizes,
+    /// The machine is big-endian.
+    Endian,
+    /// Room for a step holds fewer numbers than [`Stepper::room`](crate::Stepper::room).
+    Room,
+}
+
+impl fmt::Display for PlanError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            PlanError::Alignment => {
+                "plan: expected bytes aligned to 8, found others (Aligned does it)"
+            }
+            PlanError::Foreign => {
+                "plan: expected a plan, found bytes that this package did not write"
+            }
+            PlanError::Format => "plan: expected this version's format, found another",
+            PlanError::Length => {
+                "plan: expected a whole plan, found one that was cut off or is longer"
+            }
+            PlanError::Checksum => "plan: expected a plan as it was made, found changed bytes",
+            PlanError::Sizes => "plan: expected sizes that fit, found others",
+            PlanError::Endian => "plan: expected a little-endian machine, found a big-endian one",
+            PlanError::Room => "memory: expected at least Stepper::room numbers, found fewer",
+        })
+    }
+}
+
+impl core::error::Error for PlanError {}
+
+fn bit(flags: f64, number: u32) -> bool {
+    flags as u64 >> number & 1 == 1
+}
+
+fn flags(bits: &[bool]) -> f64 {
+    bits.iter().rev().fold(0.0, |sum, bit| 2.0 * sum + f64::from(*bit))
+}
+
+impl Common {
+    /// Into the header of its own numbers. `total` is the length of the plan with its `blocks`:
+    /// depths, and depths of an unknown start.
+    pub fn write_header(&self, numbers: &mut [f64], total: usize, blocks: [usize; 2]) {
+        let Sizes { n, p, horizon, rank, filled, .. } = self.sizes;
+        let Sizes { x_bounded, v_bounded, centered, plain_noise, .. } = self.sizes;
+        numbers[0] = f64::from_bits(MAGIC);
+        numbers[1] = FORMAT;
+        let sizes = [n, p, horizon, rank, filled, blocks[0], blocks[1]];
+        numbers[2] = total as f64;
+        numbers[SUM] = 0.0;
+        numbers[4..11].iter_mut().zip(sizes).for_each(|(number, size)| *number = size as f64);
+        numbers[11] = flags(&[x_bounded, v_bounded, centered, plain_noise]);
+        numbers[12] = self.rho;
+        numbers[13] = self.unit;
+        let [x, v] = self.margins;
+        let margins = [x.per_largest, x.per_smallest, v.per_largest, v.per_smallest];
+        numbers[14..18].copy_from_slice(&margins);
+    }
+
+    /// From its numbers, with the blocks.
+    fn read(numbers: &[f64]) -> Option<(Self, [usize; 2])> {
+        let mut sizes = [0; 7];
+        for (size, number) in sizes.iter_mut().zip(&numbers[4..11]) {
+            *size = whole(*number)?;
+        }
+        let [n, p, horizon, rank, filled, depths, opening] = sizes;
+        let bits = numbers[11];
+        let sizes = Sizes {
+            n,
+            p,
+            horizon,
+            rank,
+            filled,
+            x_bounded: bit(bits, 0),
+            v_bounded: bit(bits, 1),
+            centered: bit(bits, 2),
+            plain_noise: bit(bits, 3),
+        };
+        let fits = n > 0 && p > 0 && horizon > 0 && rank > 0 && filled <= horizon && depths > 0;
+        let margin = |at: usize| Margin { per_largest: numbers[at], per_smallest: numbers[at + 1] };
+        let common = Common {
+            rho: numbers[12],
+            unit: numbers[13],
+            margins: [margin(14), margin(16)],
+            ..Common::new(sizes)
+        };
+        fits.then_some((common, [depths, opening]))
+    }
+}
+
+impl Depth {
+    /// Into the header of its own numbers.
+    pub fn write_header(&self, numbers: &mut [f64]) {
+        let Kind { centered, plain_prior, surplus, for_pattern } = self.kind;
+        let Layout { n, p, depth } = self.layout;
+        [n, p, depth, self.rank].iter().zip(&mut *numbers).for_each(|(s, at)| *at = *s as f64);
+        numbers[4] = flags(&[centered, plain_prior, surplus, for_pattern]);
+        numbers[5] = self.prior_weight;
+    }
+}
+
+/// A size: whole, and small enough that products of three are sizes, too.
+fn whole(number: f64) -> Option<usize> {
+    let size = number as usize;
+    ((0.0..=1e6).contains(&number) && size as f64 == number).then_some(size)
+}
+
+/// The block of a depth that begins at `at`.
+#[inline]
+pub(super) fn block(numbers: &[f64], at: usize) -> Option<(Depth, &[f64])> {
+    let rest = numbers.get(at..)?;
+    let head = rest.get(..HEAD)?;
+    let layout = Layout { n: whole(head[0])?, p: whole(head[1])?, depth: whole(head[2])? };
+    let bits = head[4];
+    let kind = Kind {
+        centered: bit(bits, 0),
+        plain_prior: bit(bits, 1),
+        surplus: bit(bits, 2),
+        for_pattern: bit(bits, 3),
+    };
+    let depth = Depth { prior_weight: head[5], ..Depth::new(layout, whole(head[3])?, kind) };
+    Some((depth, rest.get(..depth.len)?))
+}
+
+/// CRC-32 of everything but the checksum itself.
+fn checksum(bytes: &[u8]) -> u32 {
+    let mut sum = crc32fast::Hasher::new();
+    sum.update(&bytes[..8 * SUM]);
+    sum.update(&bytes[8 * (SUM + 1)..]);
+    sum.finalize()
+}
+
+/// The checksum into the header of a plan that is otherwise complete; its bytes are those of the
+/// numbers.
+pub fn seal(numbers: &mut [f64]) {
+    numbers[SUM] = 0.0;
+    numbers[SUM] = f64::from(checksum(bytemuck::cast_slice(numbers)));
+}
+
+impl<'a> Plan<'a> {
+    /// A plan in bytes that were made from an estimator. Nothing is copied.
+    ///
+    /// # Errors
+    /// [`PlanError`] says what is wrong with them; a plan that was read makes no step fail.
+    pub fn from_bytes(bytes: &'a [u8]) -> Result<Self, PlanError> {
+        if cfg!(target_endian = "big") {
+            return Err(PlanError::Endian);
+        }
+        if !(bytes.as_ptr() as usize).is_multiple_of(align_of::<f64>()) {
+            return Err(PlanError::Alignment);
+        }
+        if bytes.len() < 8 * HEADER || bytes[..8] != MAGIC.to_le_bytes() {
+            return Err(PlanError::Foreign);
+        }
+        let numbers: &[f64] = bytemuck::try_cast_slice(bytes).map_err(|_| PlanError::Length)?;
+        if numbers[1] != FORMAT {
+            return Err(PlanError::Format);
+        }
+        if numbers[2] != numbers.len() as f64 {
+            return Err(PlanError::Length);
+        }
+        if numbers[SUM] != f64::from(checksum(bytes)) {
+            return Err(PlanError::Checksum);
+        }
+        let (common, [depths, opening]) = Common::read(numbers).ok_or(PlanError::Sizes)?;
+        let plan = Plan { common, numbers, depths, opening };
+        plan.fits().then_some(plan).ok_or(PlanError::Sizes)
+    }
+
+    /// Whether the blocks are there and of the sizes that the header says.
+    fn fits(&self) -> bool {
+        let Sizes { n, p, horizon, rank, filled, centered, .. } = self.common.sizes;
+        let (mut at, mut deepest) = (self.common.len, 0);
+        for number in 0..self.depths.saturating_add(self.opening) {
+            let Some((depth, _)) = block(self.numbers, at) else { return false };
+            let Layout { n: states, p: outputs, depth: m } = depth.layout;
+            let after = if number == 0 || number == self.depths { 0 } else { deepest };
+            let sizes = states == n && outputs == p && m > after && m <= horizon;
+            if !sizes || depth.rank > rank || depth.rank == 0 || depth.kind.centered != centered {
+                return false;
+            }
+            // a run that begins with outputs needs no block of fewer
+            if number == 0 && m > filled + 1 && m != horizon {
+                return false;
+            }
+            (at, deepest) = (at + padded(depth.len), m);
+        }
+        at == self.numbers.len() && deepest == horizon
+    }
+}

@@ -1,0 +1,119 @@
+//! Outputs that count for less than they were prepared for: those that were not measured.
+//!
+//! Without the rows J of the cost the Hessian is I - Σ A_kᵀ D_k A_k over the samples k with a
+//! missing entry, D_k what their weight loses: an r × r matrix, factored at the step instead of the
+//! whole problem.
+
+use crate::active_set::{Rows, solve_lower, solve_transposed};
+use crate::panels::{Root, dot};
+use crate::plan::Shared;
+use crate::tol;
+use crate::window::{Data, Scratch, WindowProblem};
+
+/// The weight R of one sample (p × p, by rows, into `out`) without the channels that were not
+/// measured: these are free to be anything, so what is left for the others is the Schur complement
+/// of their block, and zeros.
+pub(crate) fn reduced(shared: &Shared<'_>, measured: impl Fn(usize) -> bool, out: &mut [f64]) {
+    let p = shared.sizes.p;
+    out.copy_from_slice(shared.R);
+    for q in (0..p).filter(|&q| !measured(q)) {
+        let pivot = out[q * p + q];
+        for i in (0..p).filter(|&i| i != q) {
+            let part = out[i * p + q] / pivot;
+            (0..p).for_each(|j| out[i * p + j] -= part * out[q * p + j]);
+        }
+        (0..p).for_each(|i| (out[i * p + q], out[q * p + i]) = (0.0, 0.0));
+    }
+}
+
+/// What the weight of y(t-j), j = `age`, loses (p × p, by rows, into `out`) with the channels that
+/// were not measured.
+fn lost(shared: &Shared<'_>, age: usize, measured: impl Fn(usize) -> bool, out: &mut [f64]) {
+    let discount = shared.discount[age - 1];
+    reduced(shared, measured, out);
+    let R = shared.R;
+    out.iter_mut().zip(R).for_each(|(r, R)| *r = discount * (R - *r));
+}
+
+impl WindowProblem<'_> {
+    /// z* without the outputs that were not measured: true with the factor of the Hessian in the
+    /// scratch, false where the problem was made for these outputs. None where the downdate would
+    /// lose too many digits.
+    #[inline(always)]
+    pub(crate) fn without_missing(&self, data: &Data<'_>, s: &mut Scratch<'_>) -> Option<bool> {
+        let (layout, r, rows) = (self.depth.layout, self.depth.rank, &self.rows);
+        let (stride, first) = (rows.stride(), layout.split());
+        let y = &mut s.outputs[..layout.outputs_len()];
+        // the mean window in the place of what is missing: it adds nothing to K ([x̄; y] - c)
+        for ((y, measured), c) in y.iter_mut().zip(data.outputs).zip(&rows.offset[first..]) {
+            *y = if measured.is_finite() { *measured } else { *c };
+        }
+        self.minimiser(data.prior, y, s.unconstrained);
+        if self.depth.kind.for_pattern {
+            return Some(false);
+        }
+        if self.depth.kind.centered {
+            return None;
+        }
+        let L = &mut s.hessian_factor[..r * stride];
+        L.fill(0.0);
+        (0..r).for_each(|i| L[i * stride + i] = 1.0);
+        self.downdate(data, rows, y, (s.block, L, s.unconstrained));
+        cholesky(L, r, stride)?;
+        // z* = L⁻ᵀ L⁻¹ (K ([x̄; y] - c) - …)
+        let z = &mut s.unconstrained[..r];
+        solve_lower(L, z, stride);
+        solve_transposed(L, z, stride);
+        Some(true)
+    }
+
+    /// Takes what is missing out of the Hessian (lower triangle) and of the right-hand side.
+    #[inline(always)]
+    fn downdate(
+        &self,
+        data: &Data<'_>,
+        rows: &Rows<'_>,
+        y: &[f64],
+        (block, L, z): (&mut [f64], &mut [f64], &mut [f64]),
+    ) {
+        let (p, m) = (self.depth.layout.p, self.depth.layout.depth);
+        let (r, stride, first) = (self.depth.rank, rows.stride(), self.depth.layout.split());
+        let gap = |k: &usize| data.outputs[k * p..(k + 1) * p].iter().any(|y| y.is_nan());
+        for k in (0..m).filter(gap) {
+            let measured = |i: usize| data.outputs[k * p + i].is_finite();
+            lost(&self.shared, m - k, measured, &mut block[..p * p]);
+            for (i, j) in (0..p * p).map(|e| (e / p, e % p)) {
+                let (lost, a, b) = (block[i * p + j], first + k * p + i, first + k * p + j);
+                if lost == 0.0 {
+                    continue;
+                }
+                let known = lost * (y[k * p + j] - rows.offset[b]);
+                for row in 0..r {
+                    let a_row = rows.entry(a, row);
+                    z[row] -= a_row * known;
+                    (0..=row).for_each(|column| {
+                        L[row * stride + column] -= lost * a_row * rows.entry(b, column);
+                    });
+                }
+            }
+        }
+    }
+}
+
+/// L of H = L Lᵀ in place (lower triangles by rows of `stride`); None when a pivot is too small to
+/// trust.
+#[inline(always)]
+fn cholesky(H: &mut [f64], r: usize, stride: usize) -> Option<()> {
+    for i in 0..r {
+        let (above, row) = H.split_at_mut(i * stride);
+        for (j, other) in above.chunks_exact(stride).enumerate() {
+            row[j] = (row[j] - dot(&row[..j], &other[..j])) / other[j];
+        }
+        let pivot = row[i] - dot(&row[..i], &row[..i]);
+        if pivot < tol::DOWNDATE {
+            return None;
+        }
+        row[i] = pivot.root();
+    }
+    Some(())
+}

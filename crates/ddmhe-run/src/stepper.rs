@@ -1,0 +1,337 @@
+//! Algorithm 1 of Liu 2026 on checked input.
+//!
+//! At time t the window is y(t-M_t) … y(t-1); the estimate is x̂(t), made from outputs up to y(t-1).
+//! M_t is the largest depth of the plan that t outputs fill, and from then on the horizon M. The
+//! prior x̄(t-M_t) is x̄(0) where the window holds all outputs of the run, and otherwise the estimate
+//! that was made then (filtering update).
+//!
+//! *Where there is no minimiser.* An entry of y that is more than 1/ε deviations from the recording
+//! is one that cannot be computed with: it counts as not measured, now and later, and the status of
+//! its step is [`Status::Failed`]. If no window satisfies all bounds and the noise is bounded, the
+//! newest output is one that no admissible window explains: it is left out in the same way, and the
+//! estimate is that of the other outputs, within all bounds; its status stays
+//! [`Status::Infeasible`]. Where the three samples before it say nothing (they were left out, or
+//! lost) it is believed instead, the older ones are left out, and the past estimates are those of
+//! this window. A window whose answer cannot be computed loses the output furthest out, or the
+//! newest. Where none of that helps, the box is at fault: what is handed out is the minimiser
+//! without bounds, its states moved into the box in force, and x̄ of later steps is that estimate in
+//! the configured box alone: a box of one step is not remembered. An estimate that is itself beyond
+//! 1/ε deviations is none: the window starts again from the recording's mean and from no output.
+
+use crate::estimate::Estimate;
+use crate::fallback::{Alone, Fallback};
+use crate::memory::{Memory, Parts, memory_len};
+use crate::panels::Root;
+use crate::plan::{Limits, Plan, PlanError, Shared};
+use crate::status::Status;
+use crate::tol;
+use crate::window::{Data, WindowProblem, WindowSolution};
+
+/// Where a step's answer goes, in the user's units.
+#[derive(Debug)]
+pub struct Answer<'a> {
+    /// x̂(t) (n).
+    pub x: &'a mut [f64],
+    /// The states of the window ((m+1)·n), oldest first.
+    pub window: &'a mut [f64],
+    /// Its fitted noise (m·p), NaN where not measured.
+    pub v: &'a mut [f64],
+}
+
+/// What was found of a window before it is handed out.
+#[derive(Debug, Clone, Copy)]
+pub struct Found {
+    /// Status and evidence.
+    pub solution: WindowSolution,
+    /// Whether the estimates of the window's past are to be replaced by the window.
+    pub anew: bool,
+    /// Whether everything in memory was forgotten.
+    pub forgot: bool,
+}
+
+/// One pass of Algorithm 1's loop over one window.
+#[derive(Debug)]
+pub struct Pass<'a, B, F> {
+    /// The problem of the window's depth.
+    pub problem: &'a WindowProblem<'a>,
+    /// The window.
+    pub memory: &'a mut Memory<B>,
+    /// What to do where the methods here are not certain.
+    pub fallback: &'a F,
+    /// Bounds on the states for this step alone.
+    pub x_bounds: Option<Limits<'a>>,
+}
+
+impl<B: AsRef<[f64]> + AsMut<[f64]>, F: Fallback> Pass<'_, B, F> {
+    /// Takes y(t-1) into the window, NaN where not measured, and finds its minimiser; states and
+    /// noise are in the answer then.
+    #[inline(always)]
+    pub fn consume(&mut self, y: &[f64], out: &mut Answer<'_>) -> Found {
+        let shared = &self.problem.shared;
+        let missing = self.memory.push_output(shared.output_deviations(y));
+        let depth = self.problem.depth.layout.depth;
+        if self.memory.depth() != depth {
+            self.memory.deepen(depth);
+        }
+        let solution = self.minimise(out);
+        let mut found = Found { solution, anew: false, forgot: false };
+        if solution.status != Status::Optimal {
+            self.reconsider(&mut found, out);
+        }
+        if missing > 0 && missing > y.iter().filter(|y| y.is_nan()).count() {
+            found.solution.status = Status::Failed; // an output that cannot be computed with
+        }
+        let (window, n) = (&*out.window, out.x.len());
+        out.x.copy_from_slice(&window[window.len() - n..]);
+        found
+    }
+
+    /// What was found becomes the past: x̂(t) into memory. Where it is not optimal it is moved into
+    /// its box; `moved` is told from which state to which it went on. Returns how far, ‖·‖, it was
+    /// moved for what is handed out.
+    #[inline(always)]
+    pub fn hand_out(
+        &mut self,
+        found: &Found,
+        out: &mut Answer<'_>,
+        moved: impl FnOnce(&[f64], &[f64]),
+    ) -> f64 {
+        self.memory.push_state(self.problem.shared.state_deviations(out.x));
+        if found.solution.status != Status::Optimal {
+            return self.confine(found.anew, out, moved);
+        }
+        0.0
+    }
+
+    /// The minimiser over the window in memory.
+    #[inline(always)]
+    fn minimise(&mut self, out: &mut Answer<'_>) -> WindowSolution {
+        let Parts { prior, outputs, missing, mut scratch, mut working } = self.memory.parts();
+        // the filtering update: x̄(t-M_t) is the estimate that was made then
+        let data = Data { prior, outputs, missing, x_bounds: self.x_bounds };
+        let answer = (&mut *out.window, &mut *out.v);
+        let (problem, fallback) = (self.problem, self.fallback);
+        let room = (&mut working, &mut scratch);
+        let found = fallback.vectorised(
+            #[inline(always)]
+            || problem.solve(fallback, &data, room, answer),
+        );
+        if let Some(found) = found {
+            return found;
+        }
+        let (answer, room) = ((&mut *out.window, &mut *out.v), (&mut working, &mut scratch));
+        if let Some(found) = self.fallback.anew(self.problem, &data, room, answer) {
+            return found;
+        }
+        self.problem.rest(&data, &mut scratch, (&mut *out.window, &mut *out.v))
+    }
+
+    /// The same of a window that was changed.
+    #[cold]
+    fn minimise_again(&mut self, out: &mut Answer<'_>) -> WindowSolution {
+        self.memory.working_set().clear();
+        self.minimise(out)
+    }
+
+    /// What to make of a window without a minimiser.
+    #[cold]
+    fn reconsider(&mut self, found: &mut Found, out: &mut Answer<'_>) {
+        let status = found.solution.status;
+        if status == Status::AlmostOptimal {
+            return;
+        }
+        if status == Status::Failed || self.problem.shared.sizes.v_bounded {
+            (found.solution, found.anew) = self.doubt(status == Status::Failed, out);
+        }
+        if !found.solution.sound {
+            self.memory.forget_all();
+            found.forgot = true;
+            found.solution = self.minimise_again(out);
+        }
+        if !found.solution.sound {
+            let Parts { prior, outputs, missing, mut scratch, .. } = self.memory.parts();
+            let data = Data { prior, outputs, missing, x_bounds: self.x_bounds };
+            found.solution = self.problem.rest(&data, &mut scratch, (out.window, out.v));
+        }
+        found.solution.status = status;
+    }
+
+    /// The answer without the outputs that contradict the others: without the newest sample, or,
+    /// where the [`DOUBTS`](tol::DOUBTS) before it say nothing, without all before it (true). Of a
+    /// window that cannot be computed the sample furthest out is the first in doubt. What is doubted
+    /// counts as not measured from then on; where nothing helps, nothing is.
+    fn doubt(&mut self, failed: bool, out: &mut Answer<'_>) -> (WindowSolution, bool) {
+        let newest = self.memory.depth() - 1;
+        let stale = newest >= tol::DOUBTS && self.memory.silent(newest - tol::DOUBTS..newest);
+        let older = if stale && !failed { 0..newest } else { 0..0 };
+        let furthest = if failed { self.memory.furthest() } else { newest };
+        for doubted in [older, furthest..furthest + 1, newest..newest + 1] {
+            if self.memory.silent(doubted.clone()) {
+                continue;
+            }
+            self.memory.set_aside(doubted.clone());
+            let found = self.minimise_again(out);
+            if found.status == Status::Optimal {
+                return (found, doubted.len() > 1);
+            }
+            self.memory.take_back();
+        }
+        (self.minimise_again(out), false)
+    }
+
+    /// After a step that is not optimal: what is handed out is moved into the box in force, and
+    /// what goes on as x̂(t) into the configured one, since a box for this step alone says nothing of
+    /// later ones. With `anew` the estimates of the window's past are replaced by the window.
+    #[cold]
+    fn confine(
+        &mut self,
+        anew: bool,
+        out: &mut Answer<'_>,
+        moved: impl FnOnce(&[f64], &[f64]),
+    ) -> f64 {
+        let (n, shared) = (out.x.len(), &self.problem.shared);
+        if anew {
+            let past = out.window.chunks_exact(n).flat_map(|x| shared.state_deviations(x));
+            self.memory.replace_states(past);
+        }
+        self.move_into(None, out);
+        let inside = &out.window[out.window.len() - n..];
+        self.memory.replace_newest(shared.state_deviations(inside));
+        moved(out.x, inside);
+        if self.x_bounds.is_some() {
+            self.move_into(self.x_bounds, out);
+        }
+        let inside = &out.window[out.window.len() - n..];
+        let far: f64 = out.x.iter().zip(inside).map(|(x, to)| (x - to) * (x - to)).sum();
+        out.x.copy_from_slice(inside);
+        far.root()
+    }
+
+    /// The window with its states moved into a box; None: the configured one.
+    fn move_into(&mut self, x_bounds: Option<Limits<'_>>, out: &mut Answer<'_>) {
+        let Parts { prior, outputs, missing, mut scratch, .. } = self.memory.parts();
+        let data = Data { prior, outputs, missing, x_bounds };
+        self.problem.confine(&data, &mut scratch, out.window);
+    }
+}
+
+/// From the first window of each depth in a run from an unknown state on, x̄ of the instants in it
+/// are its own states: smoothed, not what was made from the few outputs of then. x̄(0) stays.
+#[cold]
+pub fn smooth<B: AsRef<[f64]> + AsMut<[f64]>>(
+    shared: &Shared<'_>,
+    memory: &mut Memory<B>,
+    window: &[f64],
+) {
+    let states = window.chunks_exact(shared.sizes.n).take(memory.depth()).skip(1);
+    memory.replace_past(states.flat_map(|x| shared.state_deviations(x)));
+    memory.working_set().clear(); // the next window of this depth is another problem's
+}
+
+/// An estimator that runs a plan in memory of the caller's: no allocation, no standard library.
+///
+/// Where a minimiser is not certain (nearly dependent active bounds, a window that has lost nearly
+/// all outputs) there is no solver to ask, and the status is [`Status::Failed`].
+#[derive(Debug)]
+pub struct Stepper<'p, 'm> {
+    plan: &'p Plan<'p>,
+    memory: Memory<&'m mut [f64]>,
+    answer: &'m mut [f64], // x, window, v of the deepest window
+    problem: WindowProblem<'p>,
+    t: usize,
+}
+
+impl<'p, 'm> Stepper<'p, 'm> {
+    /// Numbers that a stepper needs for this plan.
+    pub fn room(plan: &Plan<'_>) -> usize {
+        let sizes = plan.shared().sizes;
+        memory_len(sizes) + (sizes.horizon + 2) * sizes.n + sizes.horizon * sizes.p
+    }
+
+    /// A new run of a plan, in at least [`room`](Self::room) numbers.
+    ///
+    /// # Errors
+    /// [`PlanError::Room`] for fewer.
+    pub fn new(plan: &'p Plan<'p>, memory: &'m mut [f64]) -> Result<Self, PlanError> {
+        let sizes = plan.shared().sizes;
+        let needed = memory_len(sizes);
+        if memory.len() < Self::room(plan) {
+            return Err(PlanError::Room);
+        }
+        let (block, answer) = memory.split_at_mut(needed);
+        let first = (sizes.filled + 1).min(sizes.horizon);
+        let problem = Self::block(plan, first).ok_or(PlanError::Sizes)?;
+        let memory = Memory::new(sizes, block);
+        let mut stepper = Stepper { plan, memory, answer, problem, t: 0 };
+        stepper.reset();
+        Ok(stepper)
+    }
+
+    /// The block for this many outputs: that of an unknown start where it has one.
+    fn block(plan: &'p Plan<'p>, outputs: usize) -> Option<WindowProblem<'p>> {
+        let opening = if plan.starts_unknown() { plan.depth(outputs, true) } else { None };
+        let (depth, own) = opening.or_else(|| plan.depth(outputs, false))?;
+        Some(WindowProblem::new(plan.shared(), depth, own))
+    }
+
+    /// Back to the start of a run.
+    pub fn reset(&mut self) {
+        let shared = self.plan.shared();
+        let (n, p) = (self.plan.n(), self.plan.p());
+        self.t = 0;
+        self.memory.clear();
+        for x in shared.states.chunks_exact(n) {
+            self.memory.push_state(x.iter().copied());
+        }
+        for y in shared.outputs.chunks_exact(p) {
+            self.memory.push_output(y.iter().copied());
+        }
+    }
+
+    /// Steps taken since the start.
+    pub fn t(&self) -> usize {
+        self.t
+    }
+
+    /// Consumes y(t-1) (p numbers, NaN = this entry was not measured) and returns the estimate
+    /// x̂(t). Whatever its status, x and the window are finite and, unless the status is optimal,
+    /// exactly inside the box on the states; see the head of this module for what they then are.
+    /// None for another number of entries; the estimator is then unchanged.
+    pub fn step(&mut self, y: &[f64]) -> Option<Estimate<'_>> {
+        let horizon = self.plan.horizon();
+        let (n, p) = (self.plan.n(), self.plan.p());
+        if y.len() != p {
+            return None;
+        }
+        if self.memory.len() == horizon {
+            self.memory.forget();
+        }
+        let outputs = self.memory.len() + 1;
+        if self.t < horizon {
+            self.problem = Self::block(self.plan, outputs)?;
+        } else if self.t == horizon {
+            let (depth, own) = self.plan.depth(outputs, false)?;
+            self.problem = WindowProblem::new(self.plan.shared(), depth, own);
+        }
+        let layout = self.problem.depth.layout;
+        let (x, rest) = self.answer.split_at_mut(n);
+        let (window, v) = rest.split_at_mut((horizon + 1) * n);
+        let mut out = Answer {
+            x,
+            window: &mut window[..layout.states_len()],
+            v: &mut v[..layout.outputs_len()],
+        };
+        let memory = &mut self.memory;
+        let problem = &self.problem;
+        let mut pass = Pass { problem, memory, fallback: &Alone, x_bounds: None };
+        let found = pass.consume(y, &mut out);
+        pass.hand_out(&found, &mut out, |_, _| {});
+        self.t += 1;
+        if self.plan.starts_unknown() && self.t == layout.depth {
+            smooth(&self.problem.shared, &mut self.memory, out.window);
+        }
+        let WindowSolution { status, cost, active, iterations, .. } = found.solution;
+        let Answer { x, window, v } = out;
+        Some(Estimate { x, window, v, cost, status, active, iterations })
+    }
+}

@@ -1,0 +1,65 @@
+//! Every tolerance of the crate, each with its reason.
+
+/// A row of the window counts as inside its bounds up to this distance in units of the channel's
+/// own standard deviation; the closed-form minimiser is accurate to about 1e-12 there.
+pub const FEASIBLE: f64 = 1e-11;
+
+/// An answer is optimal when it satisfies the optimality conditions to this accuracy (standard
+/// deviations; multipliers relative to the largest).
+pub const ACTIVE_SET: f64 = 1e-9;
+
+/// Most changes of the active set, beside four for each direction; a good guess needs none or a few.
+pub const ACTIVE_SET_CHANGES: usize = 100;
+
+/// The dual active-set method takes in a row that is violated by more than this, in standard
+/// deviations: below what the final check asks for, [`ACTIVE_SET`], and above rounding.
+pub const VIOLATED: f64 = 1e-11;
+
+/// The part of a row's normal that the active ones do not span, relative to it: below the first it
+/// counts as dependent, between the two nothing is certain, and another method decides.
+pub const DEPENDENT: (f64, f64) = (1e-10, 1e-6);
+
+/// Smallest change of a multiplier that can drive it to 0.
+pub const MULTIPLIER: f64 = 1e-12;
+
+/// Normals are parallel, or a combination of them vanishes, up to rounding: this much beside the
+/// sum of their multipliers. What is proved with such a combination is proved for rows that differ
+/// by so much.
+pub const PARALLEL: f64 = 1e-12;
+
+/// That there is no window within the bounds is proved for windows up to this many times as far
+/// away as these.
+pub const REACH: f64 = 1e6;
+
+/// How often z is moved back onto its active bounds where the distance to z* takes its digits.
+pub const REFINEMENTS: usize = 3;
+
+/// An active row whose multiplier u has the wrong sign is let pass if |u|, the most that t would
+/// move without that row, is below this, relative to t.
+pub const WRONG_SIGN: f64 = 1e-11;
+
+/// Largest sum of multipliers, relative to t, at which the active-set method trusts its answer: of
+/// nearly parallel active rows they are as large as the rows are close, and t, their sum, is
+/// rounded in proportion.
+pub const MULTIPLIERS: f64 = 1e5;
+
+/// Smallest pivot of the Hessian without the missing outputs, relative to 1 with all of them, that
+/// is trusted: what is left has lost six of sixteen digits to cancellation. Below it the problem is
+/// to be factored anew.
+pub const DOWNDATE: f64 = 1e-6;
+
+/// An answer is called almost optimal if its bounds hold to the first, in standard deviations, and
+/// it is within the second of the minimiser, relative to the distance from z*.
+pub const ALMOST: (f64, f64) = (1e-6, 1e-4);
+
+/// Furthest that an output, a state or a prior may be from the recording's mean, in pooled standard
+/// deviations: a double that holds more has no digit left for one of them.
+pub const MEASURABLE: f64 = 1.0 / f64::EPSILON;
+
+/// Samples without an output in a row after which a new output is believed rather than those before
+/// them that it contradicts.
+pub const DOUBTS: usize = 3;
+
+/// Depths that a run grows through are at most this many thirds … apart: see
+/// [`kept_depths`](crate::plan::kept_depths).
+pub const DEPTHS: usize = 3;

@@ -1,0 +1,355 @@
+//! The optimisation (16), (17) over one window, reduced and laid out for speed.
+//!
+//! With the space w = c + B b that the recorded windows span, everything in scaled units, and F the
+//! rows of B that the cost (17) sees (x(0) and all y), each times the square root of its weight,
+//!
+//! > minimise ‖F b - f‖² + λ‖b‖²,  f = weighted [x̄(t-m) - c_x(0);  y - c_y]
+//! > subject to  lo ≤ c + B b ≤ hi  (x rows: X of (16c);  y rows: y - V of (16d)).
+//!
+//! [F; √λ I] = Q R and z = R b turn the cost into ‖z - z*‖² + const. with z* = Q_Fᵀ f, and the
+//! window into c + A z with A = B R⁻¹. So a step is two products with matrices known beforehand,
+//! z* = z_0 + K [x̄; y] and w = c + A z*: the answer, if w satisfies every bound. Otherwise the
+//! least-distance problem from z* to the bounds is solved by [`active_set`](crate::active_set).
+//!
+//! *Units.* Inputs x̄ and y are deviations from the recording's channel means in units of s_x and
+//! s_y, so that a large mean costs no digits. State rows of the window are deviations in the user's
+//! units, output rows deviations like y. A tolerance on a row is in units of its channel's own
+//! standard deviation: a channel that is small beside the others is bounded as sharply as they are.
+
+use crate::active_set::{LeastDistance, Rows, Trust, Windows, WorkingSet};
+use crate::fallback::{Fallback, decide};
+use crate::panels::{Panels, WIDTH, each, halve, margin, smaller};
+use crate::plan::{Depth, Limits, Shared};
+use crate::status::Status;
+use crate::tol;
+
+/// One window's data.
+#[derive(Debug, Clone, Copy)]
+pub struct Data<'a> {
+    /// x̄ (n), deviations.
+    pub prior: &'a [f64],
+    /// y (m·p), deviations, NaN where not measured.
+    pub outputs: &'a [f64],
+    /// Whether there is a NaN.
+    pub missing: bool,
+    /// Bounds on the states for this step alone: n numbers each, or (m+1)·n.
+    pub x_bounds: Option<Limits<'a>>,
+}
+
+/// Numbers that a step works with, each for the deepest window and the highest rank.
+#[derive(Debug)]
+pub struct Scratch<'a> {
+    /// z*.
+    pub unconstrained: &'a mut [f64],
+    /// z.
+    pub z: &'a mut [f64],
+    /// The answer: states, padded, then outputs, padded.
+    pub window: &'a mut [f64],
+    /// Lower bounds in the same order.
+    pub lo: &'a mut [f64],
+    /// Upper bounds.
+    pub hi: &'a mut [f64],
+    /// y with numbers in the place of NaN.
+    pub outputs: &'a mut [f64],
+    /// L with Hessian L Lᵀ, by rows.
+    pub hessian_factor: &'a mut [f64],
+    /// p × p.
+    pub block: &'a mut [f64],
+    /// n.
+    pub moved: &'a mut [f64],
+    /// Of the active-set method.
+    pub work: &'a mut [f64],
+}
+
+/// How the answer of one window was found.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct WindowSolution {
+    /// What the optimisation found.
+    pub status: Status,
+    /// Whether what is in the scratch are numbers within reach, whatever the status.
+    pub sound: bool,
+    /// (17).
+    pub cost: f64,
+    /// Number of bounds that the window touches.
+    pub active: usize,
+    /// Changes of the active set.
+    pub iterations: u32,
+}
+
+/// Everything about the windows of one depth that depends only on the recording and the settings:
+/// see [`Depth`] for what each array is.
+#[derive(Debug, Clone, Copy)]
+pub struct WindowProblem<'a> {
+    /// What all depths share.
+    pub shared: Shared<'a>,
+    /// Sizes, and what kind of problem it is.
+    pub depth: Depth,
+    pub(crate) z_0: &'a [f64],
+    pub(crate) gain: Panels<'a>,
+    pub(crate) states: Panels<'a>,
+    pub(crate) outputs: Panels<'a>,
+    pub(crate) rows: Rows<'a>,
+    pub(crate) x_limits: Limits<'a>,
+    pub(crate) prior: &'a [f64],
+    pub(crate) center: &'a [f64],
+    pub(crate) center_gain: Panels<'a>,
+}
+
+impl<'a> WindowProblem<'a> {
+    /// From where the arrays of one depth are and their numbers.
+    pub fn new(shared: Shared<'a>, depth: Depth, own: &'a [f64]) -> Self {
+        let (layout, [lo, hi]) = (depth.layout, depth.x_limits);
+        WindowProblem {
+            shared,
+            depth,
+            z_0: depth.z_0.of(own),
+            gain: Panels::new(layout.seen_len(), depth.gain.of(own)),
+            states: Panels::new(depth.rank, depth.states.of(own)),
+            outputs: Panels::new(depth.rank, depth.outputs.of(own)),
+            rows: depth.rows(own),
+            x_limits: Limits { lo: lo.of(own), hi: hi.of(own) },
+            prior: depth.prior.of(own),
+            center: depth.center.of(own),
+            center_gain: Panels::new(layout.outputs_len(), depth.center_gain.of(own)),
+        }
+    }
+}
+
+impl WindowProblem<'_> {
+    /// (16), (17): the minimiser's window into the scratch, and in the user's units its states
+    /// ((m+1)·n) and its fitted noise v (m·p). None where too little is left of the cost without the
+    /// missing outputs: the problem must then be made anew for what was measured.
+    #[inline(always)]
+    pub fn solve(
+        &self,
+        fallback: &impl Fallback,
+        data: &Data<'_>,
+        (working, scratch): (&mut WorkingSet<'_>, &mut Scratch<'_>),
+        (states, v): (&mut [f64], &mut [f64]),
+    ) -> Option<WindowSolution> {
+        let layout = self.depth.layout;
+        working.predict(|row| layout.older(row));
+        let found = self.minimise(fallback, data, (working, scratch), v)?;
+        working.adapt(|row| layout.older(row));
+        self.in_user_units(scratch.window, states);
+        let cost = self.cost(data, scratch, v);
+        let sound = cost.is_finite() && self.within_reach(scratch.window);
+        let status = if sound { found.status } else { Status::Failed };
+        Some(WindowSolution { status, sound, cost, ..found })
+    }
+
+    /// z* and its window: the answer where that is inside all bounds.
+    #[inline(always)]
+    fn minimise(
+        &self,
+        fallback: &impl Fallback,
+        data: &Data<'_>,
+        (working, s): (&mut WorkingSet<'_>, &mut Scratch<'_>),
+        v: &mut [f64],
+    ) -> Option<WindowSolution> {
+        let mut changed = false;
+        if data.missing {
+            working.clear();
+            changed = self.without_missing(data, s)?;
+        } else {
+            self.minimiser(data.prior, data.outputs, s.unconstrained);
+        }
+        let (x, bounded) = (self.box_in_force(data), self.shared.sizes.v_bounded);
+        let bounded = x.is_some() || bounded;
+        if working.sides.is_empty() || !bounded {
+            self.window(&s.unconstrained[..self.depth.rank], s.window);
+            self.residual(data.outputs, s.window, v);
+            if !bounded {
+                return Some(optimal(0));
+            }
+        }
+        let own = self.own_box(x, data, s);
+        let mut margin = f64::NEG_INFINITY;
+        if working.sides.is_empty() {
+            margin = self.margin(own, s, v);
+            if margin > tol::ACTIVE_SET {
+                return Some(optimal(0));
+            }
+        }
+        self.limits(own, data, s);
+        if margin >= -tol::FEASIBLE {
+            return Some(optimal(self.count_active(s)));
+        }
+        self.nearest(fallback, data, changed, (working, s), v)
+    }
+
+    /// The window nearest to z* that satisfies the bounds in the scratch.
+    #[inline(always)]
+    fn nearest(
+        &self,
+        fallback: &impl Fallback,
+        data: &Data<'_>,
+        changed: bool,
+        (working, s): (&mut WorkingSet<'_>, &mut Scratch<'_>),
+        v: &mut [f64],
+    ) -> Option<WindowSolution> {
+        let len = self.depth.layout.apart();
+        let problem = LeastDistance {
+            rows: self.rows,
+            lo: &s.lo[..len],
+            hi: &s.hi[..len],
+            unconstrained: s.unconstrained,
+            hessian_factor: if changed { Some(&*s.hessian_factor) } else { None },
+            windows: self,
+            trust: Trust::CERTAIN,
+        };
+        let (status, iterations) = if !self.depth.kind.surplus {
+            decide(&problem, fallback, (working, s.work), s.z, s.window)
+        } else if changed {
+            return None; // its two stages are those of the full Hessian
+        } else {
+            fallback.two_stages(&problem, (working, s.work), s.z, s.window)
+        };
+        if data.missing {
+            working.forget_factor(); // of this Hessian, or of the problem made for this window
+        }
+        self.residual(data.outputs, s.window, v);
+        let active = self.count_active(s);
+        Some(WindowSolution { status, active, iterations, ..WindowSolution::default() })
+    }
+
+    /// z* for outputs without NaN.
+    #[inline(always)]
+    pub(crate) fn minimiser(&self, prior: &[f64], outputs: &[f64], z: &mut [f64]) {
+        self.gain.wide(self.z_0, prior, outputs, z);
+    }
+
+    /// The box on the states that holds at this step.
+    #[inline(always)]
+    fn box_in_force<'b>(&'b self, data: &Data<'b>) -> Option<Limits<'b>> {
+        data.x_bounds.or(self.shared.x_limits)
+    }
+
+    /// Limits of the state rows that are this step's own, into the scratch; whether there are any.
+    #[inline(always)]
+    fn own_box(&self, x: Option<Limits<'_>>, data: &Data<'_>, s: &mut Scratch<'_>) -> bool {
+        let split = self.depth.layout.split();
+        match x {
+            Some(bounds) if data.x_bounds.is_some() || self.depth.kind.centered => {
+                let (lo, hi) = (&mut s.lo[..split], &mut s.hi[..split]);
+                self.box_of_this_step(bounds, s.outputs, data, s.z, (lo, hi));
+                true
+            }
+            _ => false,
+        }
+    }
+
+    /// The smallest distance of z*'s window to a bound, in units of the rows, or less.
+    #[inline(always)]
+    fn margin(&self, own: bool, s: &Scratch<'_>, v: &[f64]) -> f64 {
+        let split = self.depth.layout.split();
+        let Limits { lo, hi } = self.x_limits;
+        let (lo, hi) = if own { (&s.lo[..split], &s.hi[..split]) } else { (lo, hi) };
+        let [of_x, of_v] = self.shared.margins;
+        let mut least = of_x.of(margin(&s.window[..split], lo, hi));
+        if let Some(Limits { lo, hi }) = self.shared.v_limits {
+            let noise = of_v.of(margin(v, &lo[..v.len()], &hi[..v.len()]));
+            least = if noise < least { noise } else { least };
+        }
+        least
+    }
+
+    /// (16c), (16d): limits of all rows, into the scratch.
+    #[inline(always)]
+    fn limits(&self, own: bool, data: &Data<'_>, s: &mut Scratch<'_>) {
+        let (split, len) = (self.depth.layout.split(), self.depth.layout.apart());
+        if !own {
+            let Limits { lo, hi } = self.x_limits;
+            s.lo[..split].copy_from_slice(lo); // (16c)
+            s.hi[..split].copy_from_slice(hi);
+        }
+        self.limits_of_outputs(data, (&mut s.lo[split..len], &mut s.hi[split..len]));
+    }
+
+    /// v = y - ŷ (m·p) in the user's units; NaN where not measured.
+    #[inline(always)]
+    fn residual(&self, outputs: &[f64], window: &[f64], v: &mut [f64]) {
+        let (layout, s_y) = (self.depth.layout, self.shared.scales(self.depth.layout));
+        let fitted = &window[layout.split()..];
+        for (((v, y), w), s) in v.iter_mut().zip(outputs).zip(fitted).zip(s_y) {
+            *v = (y - w) * s;
+        }
+    }
+
+    /// The states of a window, (m+1)·n, in the user's units.
+    #[inline(always)]
+    fn in_user_units(&self, window: &[f64], states: &mut [f64]) {
+        let means = self.shared.means(self.depth.layout);
+        for ((x, w), mean) in states.iter_mut().zip(window).zip(means) {
+            *x = w + mean;
+        }
+    }
+
+    /// Whether x̂(t) is a number of at most [`MEASURABLE`](tol::MEASURABLE). What is not finite in
+    /// z is in every row, so in the cost and here; and from a finite z no row overflows, since x̄
+    /// and y are within reach as well.
+    #[inline(always)]
+    fn within_reach(&self, window: &[f64]) -> bool {
+        let last = &window[self.depth.layout.depth * self.depth.layout.n..];
+        let per_s_x = self.shared.per_s_x;
+        last.iter()
+            .zip(per_s_x)
+            .fold(true, |near, (x, per_s)| near & (x.abs() * per_s <= tol::MEASURABLE))
+    }
+
+    /// Number of bounds that the window in the scratch touches.
+    #[inline(always)]
+    fn count_active(&self, s: &Scratch<'_>) -> usize {
+        let len = self.depth.layout.apart();
+        let (lo, hi) = (&s.lo[..len], &s.hi[..len]);
+        let mut count = [0.0; WIDTH];
+        let chunks = s
+            .window
+            .as_chunks::<WIDTH>()
+            .0
+            .iter()
+            .zip(lo.as_chunks::<WIDTH>().0)
+            .zip(hi.as_chunks::<WIDTH>().0);
+        let unit = self.rows.unit;
+        for (((w, lo), hi), unit) in chunks.zip(unit.as_chunks::<WIDTH>().0) {
+            let below = each(*w, *lo, |w, l| (w - l).abs());
+            let above = each(*w, *hi, |w, h| (w - h).abs());
+            let near =
+                each(each(below, above, smaller), *unit, |d, unit| d - tol::ACTIVE_SET * unit);
+            count = each(count, near, |count, near| if near <= 0.0 { count + 1.0 } else { count });
+        }
+        halve(count, |a, b| a + b) as usize
+    }
+
+    /// The mean window in the place of one that cannot be computed.
+    #[cold]
+    pub fn rest(
+        &self,
+        data: &Data<'_>,
+        s: &mut Scratch<'_>,
+        (states, v): (&mut [f64], &mut [f64]),
+    ) -> WindowSolution {
+        let offset = self.rows.offset;
+        s.window[..offset.len()].copy_from_slice(offset);
+        self.in_user_units(s.window, states);
+        self.residual(data.outputs, s.window, v);
+        WindowSolution { sound: true, cost: self.cost(data, s, v), ..WindowSolution::default() }
+    }
+}
+
+/// An answer in closed form.
+#[inline(always)]
+fn optimal(active: usize) -> WindowSolution {
+    WindowSolution { status: Status::Optimal, active, ..WindowSolution::default() }
+}
+
+impl Windows for WindowProblem<'_> {
+    #[inline(always)]
+    fn window(&self, z: &[f64], window: &mut [f64]) {
+        let split = self.depth.layout.split();
+        let (x, y) = window.split_at_mut(split);
+        let (c_x, c_y) = self.rows.offset.split_at(split);
+        self.states.tall(c_x, z, x);
+        self.outputs.tall(c_y, z, y);
+    }
+}
