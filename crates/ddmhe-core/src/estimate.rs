@@ -19,7 +19,7 @@ pub struct Estimate {
     /// Bound on ‖x̂(t) - x(t)‖, if a certificate and the disturbance's size were given.
     pub bound: Option<f64>,
     /// What the optimisation found.
-    #[serde(with = "crate::snapshot::status")]
+    #[serde(with = "status")]
     pub status: Status,
     /// Number of bounds that the window touches.
     pub active: usize,
@@ -43,4 +43,19 @@ pub struct Log {
     pub active: Vec<usize>,
     /// `Estimate::iterations` of each step.
     pub iterations: Vec<u32>,
+}
+
+/// [`Status`](ddmhe_run::Status) as its code.
+mod status {
+    use ddmhe_run::Status;
+    use serde::de::Error;
+    use serde::{Deserialize, Deserializer, Serializer};
+
+    pub fn serialize<S: Serializer>(status: &Status, to: S) -> Result<S::Ok, S::Error> {
+        to.serialize_u32(status.code())
+    }
+
+    pub fn deserialize<'de, D: Deserializer<'de>>(from: D) -> Result<Status, D::Error> {
+        Status::from_code(u32::deserialize(from)?).ok_or_else(|| D::Error::custom("a status"))
+    }
 }

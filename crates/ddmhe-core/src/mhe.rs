@@ -24,8 +24,8 @@ use ddmhe_run::active_set::ActiveBound;
 use ddmhe_run::layout::Layout;
 use ddmhe_run::memory::{Memory, memory_len};
 use ddmhe_run::plan::Limits;
+use ddmhe_run::problem::WindowSolution;
 use ddmhe_run::stepper::{Answer, Found, Pass, smooth};
-use ddmhe_run::window::WindowSolution;
 use std::sync::Arc;
 
 /// The estimator. A copy continues on its own from the same window and shares everything that was

@@ -12,7 +12,7 @@ use ddmhe_run::active_set::{ActiveBound, RowsMut};
 use ddmhe_run::layout::Layout;
 use ddmhe_run::panels::write_panels;
 use ddmhe_run::plan::{Common, Depth, Kind, Margin, Shared, Sizes, Span};
-use ddmhe_run::window::WindowProblem;
+use ddmhe_run::problem::WindowProblem;
 use faer::linalg::solvers::SvdError;
 use faer::{Mat, MatRef};
 use std::sync::Arc;

@@ -1,7 +1,7 @@
 //! From a trajectory space and the weights to the least-distance form of one depth: z* = K f, w = c
 //! + A z.
 //!
-//! See [`window`](ddmhe_run::window) for the derivation. Rows of the window are interleaved here as in
+//! See [`ddmhe_run`] for the derivation. Rows of the window are interleaved here as in
 //! [`space`](crate::space): x(0), y(0), …, x(m-1), y(m-1), x(m).
 
 use crate::space::TrajectorySpace;

@@ -98,18 +98,3 @@ impl Estimate {
         empty || (whole && self.x.len() == n && rows == samples + 1)
     }
 }
-
-/// [`Status`](ddmhe_run::Status) as its code.
-pub(crate) mod status {
-    use ddmhe_run::Status;
-    use serde::de::Error;
-    use serde::{Deserialize, Deserializer, Serializer};
-
-    pub fn serialize<S: Serializer>(status: &Status, to: S) -> Result<S::Ok, S::Error> {
-        to.serialize_u32(status.code())
-    }
-
-    pub fn deserialize<'de, D: Deserializer<'de>>(from: D) -> Result<Status, D::Error> {
-        Status::from_code(u32::deserialize(from)?).ok_or_else(|| D::Error::custom("a status"))
-    }
-}

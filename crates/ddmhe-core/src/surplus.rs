@@ -2,7 +2,7 @@
 //! then the least norm.
 //!
 //! Among the windows within the bounds let those of least cost (17) be found first, then the
-//! shortest α among them. In the coordinates z of [`window`](ddmhe_run::window) the two do not meet:
+//! shortest α among them. In the coordinates z of [`ddmhe_run`] the two do not meet:
 //! with K an orthonormal basis of what the cost does not see (K = Q_Gᵀ of [F; G] = Q R), the cost
 //! is ‖z - z*‖² across K, and ‖α‖² is ‖Kᵀz‖² and a number that what the cost sees determines.
 //! Without active bounds Kᵀz = Kᵀz* = 0 serves both.

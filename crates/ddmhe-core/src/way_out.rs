@@ -25,7 +25,7 @@ use ddmhe_run::active_set::{
     solve_transposed, work_len,
 };
 use ddmhe_run::fallback::{self, Fallback};
-use ddmhe_run::window::{Data, Scratch, WindowProblem, WindowSolution};
+use ddmhe_run::problem::{Data, Scratch, WindowProblem, WindowSolution};
 use faer::Mat;
 
 /// The bounded rows, in coordinates t in which the Hessian is the identity.

@@ -21,65 +21,15 @@
 //!
 //! Nothing here allocates: the numbers live in the caller's memory, [`work_len`] of them.
 
-mod factor;
-mod problem;
-mod proof;
-mod rows;
-mod working_set;
+pub mod factor;
+pub mod problem;
+pub mod proof;
+pub mod rows;
+mod solve;
+pub mod working_set;
 
 pub use factor::{solve_lower, solve_transposed, work_len};
-pub use problem::LeastDistance;
+pub use problem::{LeastDistance, Outcome, Trust, Windows};
 pub use proof::Combination;
 pub use rows::{Rows, RowsMut};
-pub use working_set::{ActiveBound, Sides, WorkingSet};
-
-use crate::tol;
-
-/// What the method is certain of, with the number of rows that were taken in or dropped.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Outcome {
-    /// The minimiser.
-    Optimal(u32),
-    /// No z satisfies all bounds: a combination of rows proves it.
-    Infeasible(u32),
-    /// None of these could be shown.
-    Uncertain,
-}
-
-/// What reconstructs windows.
-pub trait Windows {
-    /// c + A z (padded) from z.
-    fn window(&self, z: &[f64], window: &mut [f64]);
-}
-
-/// What the method trusts.
-#[derive(Debug, Clone, Copy)]
-pub struct Trust {
-    /// See [`tol::DEPENDENT`].
-    pub dependent: (f64, f64),
-    /// See [`tol::MULTIPLIERS`].
-    pub multipliers: f64,
-    /// Whether z is moved back onto the active bounds before others are looked at: where z* is so
-    /// far away that its digits end above the tolerance.
-    pub far: bool,
-}
-
-impl Trust {
-    /// Enough for an answer without a second look.
-    pub const CERTAIN: Trust =
-        Trust { dependent: tol::DEPENDENT, multipliers: tol::MULTIPLIERS, far: false };
-    /// Whatever can be computed at all: the answer is then checked from the outside.
-    pub const ANYTHING: Trust =
-        Trust { dependent: (tol::PARALLEL, tol::PARALLEL), multipliers: f64::INFINITY, far: true };
-}
-
-/// What is kept of a working set beside its sides.
-#[derive(Debug, Clone, Copy, Default)]
-pub struct Kept {
-    /// Whether the last call's active bounds were better foretold by those before moved on with the
-    /// window (a bound that was active at a certain time) than by the same rows again (one that is
-    /// active at a certain age).
-    pub moves: bool,
-    /// Whether Q and R in memory are of these sides.
-    pub factored: bool,
-}
+pub use working_set::{ActiveBound, Kept, Sides, WorkingSet};

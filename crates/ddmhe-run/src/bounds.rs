@@ -1,7 +1,7 @@
 //! (16c), (16d): boxes on the states and on the fitted noise, as limits of the window's rows.
 
-use crate::plan::Limits;
-use crate::window::{Data, Scratch, WindowProblem};
+use crate::plan::common::Limits;
+use crate::problem::{Data, Scratch, WindowProblem};
 
 impl WindowProblem<'_> {
     /// (16c): the box on the states that holds for this step alone, about x_c(t) if the bounds are

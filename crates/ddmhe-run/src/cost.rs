@@ -1,8 +1,8 @@
 //! The cost (17) of a window, in the user's units.
 
 use crate::panels::{Root, weighted_square};
+use crate::problem::{Data, Scratch, WindowProblem};
 use crate::reweight::reduced;
-use crate::window::{Data, Scratch, WindowProblem};
 
 impl WindowProblem<'_> {
     /// (17): the distance of x̂(t-m) from the prior and the fitted noise v, weighted.

@@ -1,8 +1,9 @@
 //! What a step does where the methods of this crate are not certain.
 
-use crate::active_set::{LeastDistance, Outcome, Windows, WorkingSet};
+use crate::active_set::problem::{LeastDistance, Outcome, Windows};
+use crate::active_set::working_set::WorkingSet;
+use crate::problem::{Data, Scratch, WindowProblem, WindowSolution};
 use crate::status::Status;
-use crate::window::{Data, Scratch, WindowProblem, WindowSolution};
 
 /// Another way to an answer. A ground station has solvers and memory for it; in flight there is
 /// [`Alone`].

@@ -25,14 +25,14 @@
 //! |---|---|---|---|---|
 //! | x̂(t-m) … x̂(t) | [`Estimate::window`] | (m+1)·n | of x | (16c) |
 //! | v̂(t-m) … v̂(t-1) | [`Estimate::v`] | m·p | of y | (16d) |
-//! | x̄(t-m) | [`window::Data::prior`] | n | scaled | (17) |
+//! | x̄(t-m) | [`problem::Data::prior`] | n | scaled | (17) |
 //! | z_0, K: z* = z_0 + K \[x̄; y\] | [`plan::Depth`]: z_0, gain | r, r × (n+m p) | scaled | (17) |
 //! | c, A: w = c + A z | [`plan::Depth`]: offset, states, outputs | rows, rows × r | | (16b) |
-//! | z*, z | [`window::Scratch`]: unconstrained, z | r | | (16) |
+//! | z*, z | [`problem::Scratch`]: unconstrained, z | r | | (16) |
 //! | 2ρ^m P, R | [`plan::Depth`]: prior; [`plan::Common`]: R | n × n, p × p | scaled | (17) |
 //!
 //! # A tour
-//! [`layout`] (where a row is) → [`plan`] (the numbers) → [`window`] (Eq. (16) for one window, with
+//! [`layout`] (where a row is) → [`plan`] (the numbers) → [`problem`] (one window's) → `window` (Eq. (16) for it, with
 //! `bounds`, `cost` and `reweight`: outputs that are lost) → [`active_set`] (active bounds) →
 //! [`memory`] (the sliding window) → [`stepper`] (Algorithm 1). [`panels`] are the products, [`tol`]
 //! every tolerance. [`fallback`] is where a ground station's solver comes in.
@@ -51,11 +51,12 @@ pub mod layout;
 pub mod memory;
 pub mod panels;
 pub mod plan;
+pub mod problem;
 mod reweight;
 mod status;
 pub mod stepper;
 pub mod tol;
-pub mod window;
+mod window;
 
 pub use estimate::Estimate;
 pub use fallback::{Alone, Fallback};

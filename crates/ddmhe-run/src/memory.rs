@@ -1,11 +1,12 @@
 //! The numbers of a running estimator, in one block: the moving window and the room that a step
 //! works in.
 
-use crate::active_set::{ActiveBound, Kept, Sides, WorkingSet, work_len};
+use crate::active_set::factor::work_len;
+use crate::active_set::working_set::{ActiveBound, Kept, Sides, WorkingSet};
 use crate::panels::padded;
-use crate::plan::Sizes;
+use crate::plan::common::Sizes;
+use crate::problem::Scratch;
 use crate::tol;
-use crate::window::Scratch;
 use core::ops::Range;
 
 /// The last samples of a signal, contiguous in memory: the window slides through a longer stretch

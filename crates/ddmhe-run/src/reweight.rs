@@ -4,11 +4,12 @@
 //! missing entry, D_k what their weight loses: an r × r matrix, factored at the step instead of the
 //! whole problem.
 
-use crate::active_set::{Rows, solve_lower, solve_transposed};
+use crate::active_set::factor::{solve_lower, solve_transposed};
+use crate::active_set::rows::Rows;
 use crate::panels::{Root, dot};
-use crate::plan::Shared;
+use crate::plan::common::Shared;
+use crate::problem::{Data, Scratch, WindowProblem};
 use crate::tol;
-use crate::window::{Data, Scratch, WindowProblem};
 
 /// The weight R of one sample (p × p, by rows, into `out`) without the channels that were not
 /// measured: these are free to be anything, so what is left for the others is the Schur complement

@@ -22,10 +22,11 @@ use crate::estimate::Estimate;
 use crate::fallback::{Alone, Fallback};
 use crate::memory::{Memory, Parts, memory_len};
 use crate::panels::Root;
-use crate::plan::{Limits, Plan, PlanError, Shared};
+use crate::plan::bytes::{Plan, PlanError};
+use crate::plan::common::{Limits, Shared};
+use crate::problem::{Data, WindowProblem, WindowSolution};
 use crate::status::Status;
 use crate::tol;
-use crate::window::{Data, WindowProblem, WindowSolution};
 
 /// Where a step's answer goes, in the user's units.
 #[derive(Debug)]

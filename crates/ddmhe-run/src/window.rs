@@ -16,104 +16,14 @@
 //! units, output rows deviations like y. A tolerance on a row is in units of its channel's own
 //! standard deviation: a channel that is small beside the others is bounded as sharply as they are.
 
-use crate::active_set::{LeastDistance, Rows, Trust, Windows, WorkingSet};
+use crate::active_set::problem::{LeastDistance, Trust, Windows};
+use crate::active_set::working_set::WorkingSet;
 use crate::fallback::{Fallback, decide};
-use crate::panels::{Panels, WIDTH, each, halve, margin, smaller};
-use crate::plan::{Depth, Limits, Shared};
+use crate::panels::{WIDTH, each, halve, margin, smaller};
+use crate::plan::common::Limits;
+use crate::problem::{Data, Scratch, WindowProblem, WindowSolution};
 use crate::status::Status;
 use crate::tol;
-
-/// One window's data.
-#[derive(Debug, Clone, Copy)]
-pub struct Data<'a> {
-    /// x̄ (n), deviations.
-    pub prior: &'a [f64],
-    /// y (m·p), deviations, NaN where not measured.
-    pub outputs: &'a [f64],
-    /// Whether there is a NaN.
-    pub missing: bool,
-    /// Bounds on the states for this step alone: n numbers each, or (m+1)·n.
-    pub x_bounds: Option<Limits<'a>>,
-}
-
-/// Numbers that a step works with, each for the deepest window and the highest rank.
-#[derive(Debug)]
-pub struct Scratch<'a> {
-    /// z*.
-    pub unconstrained: &'a mut [f64],
-    /// z.
-    pub z: &'a mut [f64],
-    /// The answer: states, padded, then outputs, padded.
-    pub window: &'a mut [f64],
-    /// Lower bounds in the same order.
-    pub lo: &'a mut [f64],
-    /// Upper bounds.
-    pub hi: &'a mut [f64],
-    /// y with numbers in the place of NaN.
-    pub outputs: &'a mut [f64],
-    /// L with Hessian L Lᵀ, by rows.
-    pub hessian_factor: &'a mut [f64],
-    /// p × p.
-    pub block: &'a mut [f64],
-    /// n.
-    pub moved: &'a mut [f64],
-    /// Of the active-set method.
-    pub work: &'a mut [f64],
-}
-
-/// How the answer of one window was found.
-#[derive(Debug, Clone, Copy, Default)]
-pub struct WindowSolution {
-    /// What the optimisation found.
-    pub status: Status,
-    /// Whether what is in the scratch are numbers within reach, whatever the status.
-    pub sound: bool,
-    /// (17).
-    pub cost: f64,
-    /// Number of bounds that the window touches.
-    pub active: usize,
-    /// Changes of the active set.
-    pub iterations: u32,
-}
-
-/// Everything about the windows of one depth that depends only on the recording and the settings:
-/// see [`Depth`] for what each array is.
-#[derive(Debug, Clone, Copy)]
-pub struct WindowProblem<'a> {
-    /// What all depths share.
-    pub shared: Shared<'a>,
-    /// Sizes, and what kind of problem it is.
-    pub depth: Depth,
-    pub(crate) z_0: &'a [f64],
-    pub(crate) gain: Panels<'a>,
-    pub(crate) states: Panels<'a>,
-    pub(crate) outputs: Panels<'a>,
-    pub(crate) rows: Rows<'a>,
-    pub(crate) x_limits: Limits<'a>,
-    pub(crate) prior: &'a [f64],
-    pub(crate) center: &'a [f64],
-    pub(crate) center_gain: Panels<'a>,
-}
-
-impl<'a> WindowProblem<'a> {
-    /// From where the arrays of one depth are and their numbers.
-    pub fn new(shared: Shared<'a>, depth: Depth, own: &'a [f64]) -> Self {
-        let (layout, [lo, hi]) = (depth.layout, depth.x_limits);
-        WindowProblem {
-            shared,
-            depth,
-            z_0: depth.z_0.of(own),
-            gain: Panels::new(layout.seen_len(), depth.gain.of(own)),
-            states: Panels::new(depth.rank, depth.states.of(own)),
-            outputs: Panels::new(depth.rank, depth.outputs.of(own)),
-            rows: depth.rows(own),
-            x_limits: Limits { lo: lo.of(own), hi: hi.of(own) },
-            prior: depth.prior.of(own),
-            center: depth.center.of(own),
-            center_gain: Panels::new(layout.outputs_len(), depth.center_gain.of(own)),
-        }
-    }
-}
 
 impl WindowProblem<'_> {
     /// (16), (17): the minimiser's window into the scratch, and in the user's units its states
@@ -341,15 +251,4 @@ impl WindowProblem<'_> {
 #[inline(always)]
 fn optimal(active: usize) -> WindowSolution {
     WindowSolution { status: Status::Optimal, active, ..WindowSolution::default() }
-}
-
-impl Windows for WindowProblem<'_> {
-    #[inline(always)]
-    fn window(&self, z: &[f64], window: &mut [f64]) {
-        let split = self.depth.layout.split();
-        let (x, y) = window.split_at_mut(split);
-        let (c_x, c_y) = self.rows.offset.split_at(split);
-        self.states.tall(c_x, z, x);
-        self.outputs.tall(c_y, z, y);
-    }
 }

@@ -1,27 +1,18 @@
 //! Hostile problems: whatever the status says must be true.
 
 mod active_set;
+mod dense;
 mod lost_outputs;
 
 use super::*;
 use crate::own::{OwnRows, OwnSet};
 use ddmhe_run::panels::padded;
+use dense::Dense;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use std::collections::BTreeMap;
 
 const INF: f64 = f64::INFINITY;
-
-/// c + A z with c = 0.
-pub(super) struct Dense(pub Mat<f64>);
-
-impl Windows for Dense {
-    fn window(&self, z: &[f64], w: &mut [f64]) {
-        let A = &self.0;
-        let along = |i: usize| z.iter().enumerate().map(|(j, z)| A[(i, j)] * z).sum();
-        (0..A.nrows()).for_each(|i| w[i] = along(i));
-    }
-}
 
 /// Rows in units up to 1e8 apart, some of them equal, opposite or parallel up to 1e-4 … 1e-14,
 /// with z* at up to 1e9.

@@ -1,6 +1,7 @@
 //! The factor of the unit normals of the active rows, N = Q R, and the point on their bounds.
 
-use crate::active_set::{Rows, Sides};
+use crate::active_set::rows::Rows;
+use crate::active_set::working_set::Sides;
 use crate::panels::{Root, axpy, dot, padded};
 
 /// Numbers that the method works with at rank r.

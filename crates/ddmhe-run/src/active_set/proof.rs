@@ -1,7 +1,8 @@
 //! What shows that no window satisfies its bounds: a combination of them (Farkas).
 
 use crate::active_set::factor::{Work, solve_lower};
-use crate::active_set::{ActiveBound, LeastDistance, Sides, Windows};
+use crate::active_set::problem::{LeastDistance, Windows};
+use crate::active_set::working_set::{ActiveBound, Sides};
 use crate::panels::{Root, axpy, dot};
 use crate::tol;
 

@@ -1,6 +1,6 @@
 //! The rows of a window that bounds may be set on.
 
-use crate::active_set::ActiveBound;
+use crate::active_set::working_set::ActiveBound;
 use crate::panels::{Root, WIDTH, each};
 use crate::tol;
 

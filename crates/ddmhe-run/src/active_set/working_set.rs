@@ -3,8 +3,6 @@
 //! They lie in the same memory as everything else of a step, as the bits of their row's number with
 //! the sign of the side: a list that is copied and compared as bits, without an allocation.
 
-use crate::active_set::Kept;
-
 /// An active bound: its row, and +1 for the lower one, -1 for the upper one.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ActiveBound {
@@ -112,6 +110,17 @@ impl<'a> Sides<'a> {
         self.codes[..*other.len].copy_from_slice(&other.codes[..*other.len]);
         *self.len = *other.len;
     }
+}
+
+/// What is kept of a working set beside its sides.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Kept {
+    /// Whether the last call's active bounds were better foretold by those before moved on with the
+    /// window (a bound that was active at a certain time) than by the same rows again (one that is
+    /// active at a certain age).
+    pub moves: bool,
+    /// Whether Q and R in memory are of these sides.
+    pub factored: bool,
 }
 
 /// The active bounds of the last call, and how they move from call to call.

@@ -1,8 +1,9 @@
 //! Plans as bytes, and back.
 
-use super::{Common, Depth, HEAD, HEADER, Kind, Margin, Plan, Sizes};
 use crate::layout::Layout;
 use crate::panels::padded;
+use crate::plan::common::{Common, HEADER, Margin, Shared, Sizes};
+use crate::plan::depth::{Depth, HEAD, Kind};
 use core::fmt;
 
 const MAGIC: u64 = u64::from_le_bytes(*b"ddmheplN");
@@ -139,7 +140,7 @@ fn whole(number: f64) -> Option<usize> {
 
 /// The block of a depth that begins at `at`.
 #[inline]
-pub(super) fn block(numbers: &[f64], at: usize) -> Option<(Depth, &[f64])> {
+fn block(numbers: &[f64], at: usize) -> Option<(Depth, &[f64])> {
     let rest = numbers.get(at..)?;
     let head = rest.get(..HEAD)?;
     let layout = Layout { n: whole(head[0])?, p: whole(head[1])?, depth: whole(head[2])? };
@@ -218,5 +219,57 @@ impl<'a> Plan<'a> {
             (at, deepest) = (at + padded(depth.len), m);
         }
         at == self.numbers.len() && deepest == horizon
+    }
+}
+
+/// A plan that was read from bytes.
+#[derive(Debug, Clone)]
+pub struct Plan<'a> {
+    common: Common,
+    numbers: &'a [f64],
+    depths: usize,  // number of blocks
+    opening: usize, // and of those of an unknown start
+}
+
+impl<'a> Plan<'a> {
+    /// States n.
+    pub fn n(&self) -> usize {
+        self.common.sizes.n
+    }
+
+    /// Outputs p.
+    pub fn p(&self) -> usize {
+        self.common.sizes.p
+    }
+
+    /// Horizon M.
+    pub fn horizon(&self) -> usize {
+        self.common.sizes.horizon
+    }
+
+    /// What all depths share.
+    pub fn shared(&self) -> Shared<'a> {
+        Shared::new(&self.common, self.numbers)
+    }
+
+    /// Whether a new run starts from an unknown state.
+    pub fn starts_unknown(&self) -> bool {
+        self.opening > 0
+    }
+
+    /// The block of the deepest windows that `outputs` outputs fill, with its numbers. `opening`:
+    /// of a run from an unknown state, exactly of that depth if there is one.
+    pub fn depth(&self, outputs: usize, opening: bool) -> Option<(Depth, &'a [f64])> {
+        let (mut at, mut found) = (self.common.len, None);
+        for number in 0..self.depths + self.opening {
+            let (depth, own) = block(self.numbers, at)?;
+            at += depth.len;
+            let wanted = match number < self.depths {
+                true => !opening && depth.layout.depth <= outputs,
+                false => opening && depth.layout.depth == outputs,
+            };
+            found = if wanted { Some((depth, own)) } else { found };
+        }
+        found
     }
 }

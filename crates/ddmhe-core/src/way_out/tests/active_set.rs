@@ -1,6 +1,6 @@
 //! The dual active-set method against the way out and by hand.
 
-use super::Dense;
+use super::dense::Dense;
 use crate::own::{OwnRows, OwnSet};
 use crate::way_out::way_out;
 use ddmhe_run::Status;

@@ -5,7 +5,7 @@ use crate::plan_builder::Prepared;
 use crate::way_out::Fallbacks;
 use crate::{Bounds, Certificate, Config, History, Space};
 use ddmhe_run::memory::{Memory, Parts, memory_len};
-use ddmhe_run::window::Data;
+use ddmhe_run::problem::Data;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 

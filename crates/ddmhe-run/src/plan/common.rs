@@ -1,0 +1,274 @@
+//! What all depths of a plan share.
+
+use crate::layout::Layout;
+
+/// Where an array is in its block.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Span {
+    start: usize,
+    end: usize,
+}
+
+impl Span {
+    /// The array.
+    #[inline(always)]
+    pub fn of(self, block: &[f64]) -> &[f64] {
+        &block[self.start..self.end]
+    }
+
+    /// The array, to be written.
+    pub fn of_mut(self, block: &mut [f64]) -> &mut [f64] {
+        &mut block[self.start..self.end]
+    }
+
+    /// How many numbers.
+    pub fn len(self) -> usize {
+        self.end - self.start
+    }
+
+    /// Whether there is none.
+    pub fn is_empty(self) -> bool {
+        self.end == self.start
+    }
+}
+
+/// Hands out spans one behind the other, each on whole panels.
+pub(crate) struct Cursor(pub usize);
+
+impl Cursor {
+    pub fn take(&mut self, len: usize) -> Span {
+        let start = self.0;
+        self.0 = start.saturating_add(len.checked_next_multiple_of(8).unwrap_or(usize::MAX));
+        Span { start, end: start.saturating_add(len) }
+    }
+}
+
+/// Numbers in the header of a plan.
+pub(crate) const HEADER: usize = 32;
+
+/// What a distance to the bounds of a group of rows is at least worth in units of each row.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Margin {
+    /// 1 / the largest unit of the group.
+    pub per_largest: f64,
+    /// 1 / the smallest.
+    pub per_smallest: f64,
+}
+
+impl Margin {
+    /// Of rows with these units.
+    pub fn new(units: &[f64]) -> Self {
+        let largest = units.iter().copied().fold(f64::MIN_POSITIVE, f64::max);
+        let smallest = units.iter().copied().fold(f64::MAX, f64::min);
+        Margin { per_largest: 1.0 / largest, per_smallest: 1.0 / smallest }
+    }
+
+    /// A lower bound on the distance in units of each row, from one in the user's units.
+    #[inline(always)]
+    pub fn of(self, margin: f64) -> f64 {
+        margin * if margin > 0.0 { self.per_largest } else { self.per_smallest }
+    }
+}
+
+/// Sizes and choices of a plan.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Sizes {
+    /// States n.
+    pub n: usize,
+    /// Outputs p.
+    pub p: usize,
+    /// Horizon M.
+    pub horizon: usize,
+    /// The highest number of directions r of all depths.
+    pub rank: usize,
+    /// Outputs in the window of a new run.
+    pub filled: usize,
+    /// Whether the states are bounded at every step.
+    pub x_bounded: bool,
+    /// Whether the fitted noise is.
+    pub v_bounded: bool,
+    /// Whether bounds on the states are about x_c(t) of the experiment IV-A1.
+    pub centered: bool,
+    /// Whether the weight of the outputs is diagonal.
+    pub plain_noise: bool,
+}
+
+/// What all depths of a plan share, and where.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Common {
+    /// Sizes and choices.
+    pub sizes: Sizes,
+    /// Of the state rows and of the noise, in the user's units.
+    pub margins: [Margin; 2],
+    /// ρ of (17).
+    pub rho: f64,
+    /// What the cost in scaled units is to be multiplied with.
+    pub unit: f64,
+    /// Means of the states (n), in the user's units.
+    pub mean_x: Span,
+    /// Scales of the states (n): one unit of a scaled deviation.
+    pub s_x: Span,
+    /// Their inverses (n).
+    pub per_s_x: Span,
+    /// Means of the outputs (p).
+    pub mean_y: Span,
+    /// Scales of the outputs (p).
+    pub s_y: Span,
+    /// R of (17) in scaled units (p × p, by rows).
+    pub R: Span,
+    /// Smallest and largest state (n each), where the states are bounded.
+    pub x_limits: [Span; 2],
+    /// Bounds on the noise of every sample of the deepest window (M·p each).
+    pub v_limits: [Span; 2],
+    /// ρ^{j-1} for j = 1, …, M.
+    pub discount: Span,
+    /// Weight of the square of each fitted noise of the deepest window (M·p), if R is diagonal.
+    pub noise: Span,
+    /// The means of the states, for each of the deepest window ((M+1)·n).
+    pub means: Span,
+    /// The scales of the outputs, for each of the deepest window (M·p), and their inverses.
+    pub scales: [Span; 2],
+    /// States of a new run's window ((filled+1)·n), as scaled deviations.
+    pub states: Span,
+    /// Its outputs (filled·p).
+    pub outputs: Span,
+    /// Numbers in the block, header included.
+    pub len: usize,
+}
+
+impl Common {
+    /// Of these sizes; scalars are to be filled in.
+    pub fn new(sizes: Sizes) -> Self {
+        let Sizes { n, p, horizon: M, filled, .. } = sizes;
+        let mut next = Cursor(HEADER);
+        let bounded = |yes: bool, len: usize| if yes { len } else { 0 };
+        let none = Margin { per_largest: 1.0, per_smallest: 1.0 };
+        let (x, v) = (bounded(sizes.x_bounded, n), bounded(sizes.v_bounded, M * p));
+        let mut common = Common {
+            sizes,
+            margins: [none; 2],
+            rho: 1.0,
+            unit: 1.0,
+            mean_x: next.take(n),
+            s_x: next.take(n),
+            per_s_x: next.take(n),
+            mean_y: next.take(p),
+            s_y: next.take(p),
+            R: next.take(p * p),
+            x_limits: [next.take(x), next.take(x)],
+            v_limits: [next.take(v), next.take(v)],
+            discount: next.take(M),
+            noise: next.take(bounded(sizes.plain_noise, M * p)),
+            means: next.take((M + 1) * n),
+            scales: [next.take(M * p), next.take(M * p)],
+            states: next.take((filled + 1) * n),
+            outputs: next.take(filled * p),
+            len: 0,
+        };
+        common.len = next.0;
+        common
+    }
+}
+
+/// The common block, to be read: see [`Common`] for what each array is.
+#[derive(Debug, Clone, Copy)]
+pub struct Shared<'a> {
+    /// Sizes and choices.
+    pub sizes: Sizes,
+    /// See [`Common::margins`].
+    pub margins: [Margin; 2],
+    /// ρ.
+    pub rho: f64,
+    /// See [`Common::unit`].
+    pub unit: f64,
+    mean_x: &'a [f64],
+    s_x: &'a [f64],
+    pub(crate) per_s_x: &'a [f64],
+    mean_y: &'a [f64],
+    pub(crate) s_y: &'a [f64],
+    pub(crate) R: &'a [f64],
+    pub(crate) x_limits: Option<Limits<'a>>,
+    pub(crate) v_limits: Option<Limits<'a>>,
+    pub(crate) discount: &'a [f64],
+    noise: &'a [f64],
+    means: &'a [f64],
+    scales: [&'a [f64]; 2],
+    pub(crate) states: &'a [f64],
+    pub(crate) outputs: &'a [f64],
+}
+
+impl<'a> Shared<'a> {
+    /// From where its arrays are and their numbers.
+    pub fn new(common: &Common, numbers: &'a [f64]) -> Self {
+        let of = |span: Span| span.of(numbers);
+        let limits =
+            |yes: bool, [lo, hi]: [Span; 2]| yes.then(|| Limits { lo: of(lo), hi: of(hi) });
+        let Sizes { x_bounded, v_bounded, .. } = common.sizes;
+        Shared {
+            sizes: common.sizes,
+            margins: common.margins,
+            rho: common.rho,
+            unit: common.unit,
+            mean_x: of(common.mean_x),
+            s_x: of(common.s_x),
+            per_s_x: of(common.per_s_x),
+            mean_y: of(common.mean_y),
+            s_y: of(common.s_y),
+            R: of(common.R),
+            x_limits: limits(x_bounded, common.x_limits),
+            v_limits: limits(v_bounded, common.v_limits),
+            discount: of(common.discount),
+            noise: of(common.noise),
+            means: of(common.means),
+            scales: common.scales.map(of),
+            states: of(common.states),
+            outputs: of(common.outputs),
+        }
+    }
+
+    /// The means of the states of a window.
+    #[inline(always)]
+    pub fn means(&self, layout: Layout) -> &'a [f64] {
+        &self.means[..layout.states_len()]
+    }
+
+    /// The scales of the outputs of a window.
+    #[inline(always)]
+    pub fn scales(&self, layout: Layout) -> &'a [f64] {
+        &self.scales[0][..layout.outputs_len()]
+    }
+
+    /// Their inverses.
+    #[inline(always)]
+    pub fn per_scales(&self, layout: Layout) -> &'a [f64] {
+        &self.scales[1][..layout.outputs_len()]
+    }
+
+    /// The weights of the squares of a window's fitted noise, if R is diagonal.
+    #[inline(always)]
+    pub fn noise(&self, layout: Layout) -> Option<&'a [f64]> {
+        let first = self.noise.len().checked_sub(layout.outputs_len())?;
+        Some(&self.noise[first..])
+    }
+
+    /// A state as scaled deviations from the recording's mean.
+    #[inline(always)]
+    pub fn state_deviations(&self, x: &[f64]) -> impl Iterator<Item = f64> {
+        x.iter().zip(self.mean_x).zip(self.s_x).map(|((x, mean), s)| (x - mean) / s)
+    }
+
+    /// An output as scaled deviations.
+    #[inline(always)]
+    pub fn output_deviations(&self, y: &[f64]) -> impl Iterator<Item = f64> {
+        y.iter().zip(self.mean_y).zip(self.s_y).map(|((y, mean), s)| (y - mean) / s)
+    }
+}
+
+/// Smallest and largest values: of each channel, or of each entry of a window.
+#[derive(Debug, Clone, Copy)]
+pub struct Limits<'a> {
+    /// Smallest.
+    pub lo: &'a [f64],
+    /// Largest.
+    pub hi: &'a [f64],
+}

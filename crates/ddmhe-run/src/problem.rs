@@ -1,0 +1,112 @@
+//! One window's problem: the numbers that it is made of, the data that it is given, and the room that
+//! it is solved in.
+
+use crate::active_set::problem::Windows;
+use crate::active_set::rows::Rows;
+use crate::panels::Panels;
+use crate::plan::common::{Limits, Shared};
+use crate::plan::depth::Depth;
+use crate::status::Status;
+
+/// One window's data.
+#[derive(Debug, Clone, Copy)]
+pub struct Data<'a> {
+    /// x̄ (n), deviations.
+    pub prior: &'a [f64],
+    /// y (m·p), deviations, NaN where not measured.
+    pub outputs: &'a [f64],
+    /// Whether there is a NaN.
+    pub missing: bool,
+    /// Bounds on the states for this step alone: n numbers each, or (m+1)·n.
+    pub x_bounds: Option<Limits<'a>>,
+}
+
+/// Numbers that a step works with, each for the deepest window and the highest rank.
+#[derive(Debug)]
+pub struct Scratch<'a> {
+    /// z*.
+    pub unconstrained: &'a mut [f64],
+    /// z.
+    pub z: &'a mut [f64],
+    /// The answer: states, padded, then outputs, padded.
+    pub window: &'a mut [f64],
+    /// Lower bounds in the same order.
+    pub lo: &'a mut [f64],
+    /// Upper bounds.
+    pub hi: &'a mut [f64],
+    /// y with numbers in the place of NaN.
+    pub outputs: &'a mut [f64],
+    /// L with Hessian L Lᵀ, by rows.
+    pub hessian_factor: &'a mut [f64],
+    /// p × p.
+    pub block: &'a mut [f64],
+    /// n.
+    pub moved: &'a mut [f64],
+    /// Of the active-set method.
+    pub work: &'a mut [f64],
+}
+
+/// How the answer of one window was found.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct WindowSolution {
+    /// What the optimisation found.
+    pub status: Status,
+    /// Whether what is in the scratch are numbers within reach, whatever the status.
+    pub sound: bool,
+    /// (17).
+    pub cost: f64,
+    /// Number of bounds that the window touches.
+    pub active: usize,
+    /// Changes of the active set.
+    pub iterations: u32,
+}
+
+/// Everything about the windows of one depth that depends only on the recording and the settings:
+/// see [`Depth`] for what each array is.
+#[derive(Debug, Clone, Copy)]
+pub struct WindowProblem<'a> {
+    /// What all depths share.
+    pub shared: Shared<'a>,
+    /// Sizes, and what kind of problem it is.
+    pub depth: Depth,
+    pub(crate) z_0: &'a [f64],
+    pub(crate) gain: Panels<'a>,
+    pub(crate) states: Panels<'a>,
+    pub(crate) outputs: Panels<'a>,
+    pub(crate) rows: Rows<'a>,
+    pub(crate) x_limits: Limits<'a>,
+    pub(crate) prior: &'a [f64],
+    pub(crate) center: &'a [f64],
+    pub(crate) center_gain: Panels<'a>,
+}
+
+impl<'a> WindowProblem<'a> {
+    /// From where the arrays of one depth are and their numbers.
+    pub fn new(shared: Shared<'a>, depth: Depth, own: &'a [f64]) -> Self {
+        let (layout, [lo, hi]) = (depth.layout, depth.x_limits);
+        WindowProblem {
+            shared,
+            depth,
+            z_0: depth.z_0.of(own),
+            gain: Panels::new(layout.seen_len(), depth.gain.of(own)),
+            states: Panels::new(depth.rank, depth.states.of(own)),
+            outputs: Panels::new(depth.rank, depth.outputs.of(own)),
+            rows: depth.rows(own),
+            x_limits: Limits { lo: lo.of(own), hi: hi.of(own) },
+            prior: depth.prior.of(own),
+            center: depth.center.of(own),
+            center_gain: Panels::new(layout.outputs_len(), depth.center_gain.of(own)),
+        }
+    }
+}
+
+impl Windows for WindowProblem<'_> {
+    #[inline(always)]
+    fn window(&self, z: &[f64], window: &mut [f64]) {
+        let split = self.depth.layout.split();
+        let (x, y) = window.split_at_mut(split);
+        let (c_x, c_y) = self.rows.offset.split_at(split);
+        self.states.tall(c_x, z, x);
+        self.outputs.tall(c_y, z, y);
+    }
+}
