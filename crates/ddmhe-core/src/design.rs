@@ -103,10 +103,7 @@ impl Design {
             equilibrium_used,
         };
         let filled = filled(history, start, horizon);
-        let mut depths: Vec<usize> = kept_depths(horizon, true).collect();
-        // with outputs in the window before the first step, shorter ones are never reached
-        let longer = depths.iter().filter(|depth| **depth > filled + 1).count();
-        depths.truncate(longer + 1);
+        let depths = depths(config, horizon, filled);
         let of_depth = |depth: &usize| problem(*depth, &selection);
         let mut problems = depths[1..].iter().rev().map(of_depth).collect::<Result<Vec<_>, _>>()?;
         problems.push(deepest);
@@ -185,6 +182,22 @@ impl Design {
             .map(|draft| draft.on(&self.ground))
             .map_err(factorisation)
     }
+}
+
+/// Depths of the windows of a run that begins with so many outputs, the horizon first: every one
+/// where the weights are stated in the user's units or by a certificate, Algorithm 1 as printed;
+/// otherwise few of them.
+pub(crate) fn depths(config: &Config, horizon: usize, filled: usize) -> Vec<usize> {
+    let mut depths: Vec<usize> = kept_depths(horizon, keeps_every_depth(config)).collect();
+    // with outputs in the window before the first step, shorter ones are never reached
+    let longer = depths.iter().filter(|depth| **depth > filled + 1).count();
+    depths.truncate(longer + 1);
+    depths
+}
+
+/// Whether windows grow through every depth.
+pub(crate) fn keeps_every_depth(config: &Config) -> bool {
+    config.certificate.is_some() || config.weighting() == Weighting::Paper
 }
 
 /// For each number of outputs up to the horizon, which problem is the deepest that they fill.

@@ -8,7 +8,7 @@
 
 use crate::config::{Config, Start, validate};
 use crate::defaults::Defaults;
-use crate::design::{Design, check_ridge, check_weights, filled, prepared, select, stable};
+use crate::design::{Design, check_ridge, check_weights, depths, filled, prepared, select, stable};
 use crate::error::Error;
 use crate::excitation::check_excitation;
 use crate::history::History;
@@ -38,7 +38,7 @@ struct Setting {
     weights: Weights,
     selection: Selection,
     spectral_radius: f64,
-    gains: Vec<Gain>,
+    gains: Vec<(usize, Gain)>, // with their depths
 }
 
 /// Settings of one horizon, rest and kind of start on one recording.
@@ -101,8 +101,7 @@ impl<'a> Filters<'a> {
         for y in outputs.chunks_exact(p) {
             past.extend(self.scaling.deviations(&[], y));
             let seen = past.len() / p;
-            let depth = seen.min(self.horizon);
-            let gain = &setting.gains[self.horizon - depth];
+            let (depth, gain) = setting.gains.iter().find(|(depth, _)| *depth <= seen)?;
             let start = seen - depth;
             let (prior, window) = (&states[start * n..(start + 1) * n], &past[start * p..]);
             let next: Vec<f64> = (0..n).map(|i| gain.row(i, prior, window)).collect();
@@ -144,7 +143,7 @@ impl<'a> Windows<'a> {
             spectral_radius: deepest.spectral_radius(),
             weights,
             selection,
-            gains: vec![deepest],
+            gains: vec![(self.horizon, deepest)],
         })
     }
 
@@ -171,12 +170,12 @@ impl<'a> Windows<'a> {
         config: &Config,
         going: &impl Fn() -> bool,
     ) -> Vec<Option<Setting>> {
-        let first = (filled(self.history, config.start, self.horizon) + 1).min(self.horizon);
-        for depth in (first..self.horizon).rev() {
+        let filled = filled(self.history, config.start, self.horizon);
+        for depth in depths(config, self.horizon, filled).into_iter().skip(1) {
             for slot in settings.iter_mut().filter(|_| going()) {
                 let Some(setting) = slot else { continue };
                 match self.gain(depth, &setting.weights, &setting.selection) {
-                    Some(gain) => setting.gains.push(gain),
+                    Some(gain) => setting.gains.push((depth, gain)),
                     None => *slot = None,
                 }
             }

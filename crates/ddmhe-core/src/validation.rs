@@ -2,6 +2,7 @@
 
 use crate::check::{check_finite, check_vector};
 use crate::config::{Config, Start};
+use crate::design::keeps_every_depth;
 use crate::error::Error;
 use crate::filter::{Filters, is_linear};
 use crate::history::History;
@@ -154,7 +155,10 @@ pub fn validate(
 /// first of each comes.
 fn grouped(jobs: &[(usize, Config)]) -> Vec<Vec<usize>> {
     let alike = |a: &(usize, Config), b: &(usize, Config)| {
-        let shared = |config: &Config| (config.horizon, config.start, config.equilibrium.clone());
+        let shared = |config: &Config| {
+            let depths = keeps_every_depth(config);
+            (config.horizon, config.start, config.equilibrium.clone(), depths)
+        };
         let linear = is_linear(&a.1) && is_linear(&b.1) && a.1.horizon.is_some();
         a.0 == b.0 && linear && shared(&a.1) == shared(&b.1)
     };
