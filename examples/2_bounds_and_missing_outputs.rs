@@ -40,7 +40,8 @@ pub fn main() -> Result<(), Error> {
     let last: [f64; 4] = [states[1600], states[1601], states[1602], states[1603]];
     let (truth, mut outputs) = swing(last, 80);
     outputs[30..40].fill(f64::NAN); // not measured
-    outputs[60] = 1e300; // cannot be computed with: counts as not measured, and its step says "failed"
+    // cannot be computed with: counts as not measured, and its step says "failed"
+    outputs[60] = 1e300;
     println!("step  second position  estimated  status");
     for (k, y) in outputs.iter().enumerate() {
         let estimate = mhe.step(&[*y])?;

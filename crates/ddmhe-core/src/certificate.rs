@@ -16,9 +16,9 @@
 //! (24) implies (L) for them.
 //!
 //! # The bound of a step
-//! [`ErrorBound`] walks (L) along the estimated window instead of bounding it in advance as (34) does: everything that
-//! (34) must assume the worst of, the fitted noise and the distance to the prior, is known by then.
-//! From s(0) = ‖x̂(t-m|t) - x̄‖_P + E(t-m), E the bound of the prior,
+//! [`ErrorBound`] walks (L) along the estimated window instead of bounding it in advance as (34)
+//! does: everything that (34) must assume the worst of, the fitted noise and the distance to the
+//! prior, is known by then. From s(0) = ‖x̂(t-m|t) - x̄‖_P + E(t-m), E the bound of the prior,
 //!
 //! > s(k+1)² = η s(k)² + (‖ŵ(k)‖_Q + W)² + (‖v̂(k)‖_R + V)²,  E(t) = s(m),
 //!
@@ -171,7 +171,8 @@ pub fn minimum_horizon(rho: f64) -> Result<usize, Error> {
     Ok(smallest_contracting(rho))
 }
 
-/// [`minimum_horizon`] of a checked ρ. Rounding of the logarithm is mended by looking at both neighbours.
+/// [`minimum_horizon`] of a checked ρ. Rounding of the logarithm is mended by looking at both
+/// neighbours.
 pub(crate) fn smallest_contracting(rho: f64) -> usize {
     let contracts = |M: usize| 4.0 * rho.powf(M as f64) < 1.0;
     let mut M = (0.25_f64.ln() / rho.ln()).floor().max(1.0) as usize;
@@ -412,20 +413,23 @@ fn true_model(certificate: &Certificate, history: &History) -> Result<Option<Mod
     const NONE: &str = "certificate: no error bound is given";
     match &certificate.model {
         Some(model) if model.identified => Err(format!(
-            "{NONE}: its model was fitted to a noisy recording, and how far the true system is from it is not known; state the \
+            "{NONE}: its model was fitted to a noisy recording, and how far the true system is \
+            from it is not known; state the \
              recording's noise, or give the true A, C, e and r"
         )),
         Some(model) if model.e.is_empty() => match offsets(model, history) {
             Some((e, r)) => Ok(Some(Model { e, r, ..model.clone() })),
             None => Err(format!(
-                "{NONE}: the recording is not a trajectory of its (A, C), so that its windows are not either and say nothing reliable of \
+                "{NONE}: the recording is not a trajectory of its (A, C), so that its windows \
+                are not either and say nothing reliable of \
                  the offsets; give e and r with A and C"
             )),
         },
         Some(model) => Ok(Some(model.clone())),
         None if is_affine(history) => Ok(None),
         None => Err(format!(
-            "{NONE}: the recording shows noise or curvature, so that its windows are not the true system's trajectories; give the \
+            "{NONE}: the recording shows noise or curvature, so that its windows are not the \
+            true system's trajectories; give the \
              model A, C, e and r with the certificate"
         )),
     }

@@ -31,7 +31,8 @@ pub enum Center {
 /// What the cost (17) is measured in.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub enum Weighting {
-    /// [`Paper`](Weighting::Paper) beside an explicit ρ or μ or a certificate, else [`Scaled`](Weighting::Scaled).
+    /// [`Paper`](Weighting::Paper) beside an explicit ρ or μ or a certificate, else
+    /// [`Scaled`](Weighting::Scaled).
     #[default]
     Auto,
     /// (17) in the units of x and y, as printed.
@@ -244,7 +245,8 @@ pub(crate) fn check_start(start: Start) -> Result<(), Error> {
 pub(crate) fn check_beside(config: &Config, start: Start) -> Result<(), Error> {
     match start {
         Start::Unknown if config.disturbance.is_some() => {
-            let expected = "\"state\" or \"recording\" beside disturbance, which bounds the error of a known start";
+            let expected = "\"state\" or \"recording\" beside disturbance, which bounds the \
+            error of a known start";
             Err(Error::value("start", expected, start))
         }
         _ => Ok(()),

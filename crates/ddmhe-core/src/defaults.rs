@@ -123,7 +123,8 @@ impl Defaults {
         match config.horizon {
             Some(M) if M < needed => {
                 let expected = format!(
-                    "at least {needed}, the smallest M with 4 eta^M < 1 for the certificate's eta = {}",
+                    "at least {needed}, the smallest M with 4 eta^M < 1 for the certificate's \
+                    eta = {}",
                     c.eta
                 );
                 Err(Error::value("horizon", expected, M))

@@ -257,7 +257,8 @@ fn too_little(
     let needed = rule.needed(history.n(), config.horizon)?;
     (T < needed).then(|| {
         format!(
-            "the recording is too short to tell motion from noise: {T} outputs, {windows} windows of the horizon M = {horizon}, for n = \
+            "the recording is too short to tell motion from noise: {T} outputs, {windows} \
+            windows of the horizon M = {horizon}, for n = \
              {} states; {} outputs would do",
             history.n(),
             needed,
@@ -279,7 +280,8 @@ fn check_sizes(history: &History) -> Result<(), Error> {
         }
         if let Some(i) = largest.iter().position(|v| !fits(v)) {
             let expected = format!(
-                "{name}{} of magnitudes between {least:e} and {most:e} (in other units, if need be)",
+                "{name}{} of magnitudes between {least:e} and {most:e} (in other units, if need \
+                be)",
                 i + 1
             );
             return Err(Error::value("history", expected, largest[i]));
@@ -374,7 +376,8 @@ fn warnings(config: &Config, settings: &Settings, spectral_radius: f64) -> Vec<S
     let mut warnings = Vec::new();
     if !stable(spectral_radius) {
         warnings.push(format!(
-            "the map from prior to estimate has spectral radius {spectral_radius:.4} (limit {}): estimation errors may grow; try another horizon, a larger mu or a smaller rank",
+            "the map from prior to estimate has spectral radius {spectral_radius:.4} (limit {}): \
+            estimation errors may grow; try another horizon, a larger mu or a smaller rank",
             tol::SPECTRAL_RADIUS
         ));
     }
@@ -383,7 +386,8 @@ fn warnings(config: &Config, settings: &Settings, spectral_radius: f64) -> Vec<S
         config.certificate.is_none() && (config.horizon.is_some() || config.rho.is_some());
     if asked_for && contraction >= 1.0 {
         warnings.push(format!(
-            "4 rho^M = {contraction:.4} with rho = {:.6}, M = {}, not below 1 as (33) asks for errors that are sure to shrink; M = {} would \
+            "4 rho^M = {contraction:.4} with rho = {:.6}, M = {}, not below 1 as (33) asks for \
+            errors that are sure to shrink; M = {} would \
              do",
             settings.rho,
             settings.horizon,

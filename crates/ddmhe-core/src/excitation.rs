@@ -66,7 +66,8 @@ pub(crate) fn check_excitation(history: &History, horizon: usize) -> Result<(), 
             Some(m) => Error::value(
                 "horizon",
                 format!(
-                    "1 to {m}: a recording of T = {} outputs and n = {n} states has n + 1 windows of that length",
+                    "1 to {m}: a recording of T = {} outputs and n = {n} states has n + 1 \
+                    windows of that length",
                     history.T()
                 ),
                 horizon,

@@ -18,7 +18,8 @@ impl<'a> BlockHankel<'a> {
     /// The matrix of a time-major `signal` with `width` channels.
     ///
     /// # Errors
-    /// [`Error::Value`] when `width` or `depth` is 0, [`Error::Shape`] when the signal is no whole number of samples.
+    /// [`Error::Value`] when `width` or `depth` is 0, [`Error::Shape`] when the signal is no whole
+    /// number of samples.
     pub fn new(signal: &'a [f64], width: usize, depth: usize) -> Result<Self, Error> {
         for (name, value) in [("width", width), ("depth", depth)] {
             if value == 0 {

@@ -34,7 +34,8 @@ impl History {
     /// `dt`: sampling interval in seconds (kept for reports; the method itself needs no time unit).
     ///
     /// # Errors
-    /// [`Error::Shape`] when sizes do not fit, [`Error::NotFinite`], [`Error::Value`] when `dt` ≤ 0.
+    /// [`Error::Shape`] when sizes do not fit, [`Error::NotFinite`], [`Error::Value`] when `dt` ≤
+    /// 0.
     pub fn new(n: usize, p: usize, x: &[f64], y: &[f64], dt: f64) -> Result<Self, Error> {
         if n == 0 {
             return Err(Error::shape("x", "at least one state channel", "none"));
@@ -98,7 +99,8 @@ impl History {
     /// Joins recordings of one system; windows never cross a seam.
     ///
     /// # Errors
-    /// [`Error::Shape`] when the list is empty or channel counts differ, [`Error::Value`] when `dt` or a unit differs.
+    /// [`Error::Shape`] when the list is empty or channel counts differ, [`Error::Value`] when `dt`
+    /// or a unit differs.
     pub fn concat(histories: &[History]) -> Result<Self, Error> {
         let first = histories
             .first()

@@ -100,7 +100,7 @@ pub(crate) fn on_all_cores<T: Send, R: Send>(
                         stopped.store(true, Ordering::Relaxed);
                     }
                 }
-                Err(RecvTimeoutError::Disconnected) => return Ok(Vec::new()), // a panic: the scope passes it on
+                Err(RecvTimeoutError::Disconnected) => return Ok(Vec::new()), // a panic
             }
         }
     })

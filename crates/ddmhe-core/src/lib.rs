@@ -22,15 +22,17 @@
 //! # A tour
 //! Data flow from the recording to the estimate, one noun a module: `history` ([`History`]) →
 //! `hankel` ([`BlockHankel`]), `excitation` (rank condition (7)) → [`space`] ([`TrajectorySpace`]:
-//! (16b) as mean + basis) → `reduction` (one QR: a least-distance problem) → `window` (the problem
-//! of one depth, laid out for speed on `panels`) → `mhe` ([`DdMhe`]: Algorithm 1, over a `memory`
-//! that is allocated once) → `estimate` ([`Estimate`]). What is computed at construction is a
-//! `design`, which copies of an estimator share; `many` runs them on all cores.
-//! [`Certificate`] replaces the scalar weights by matrices for which the error is known to shrink, and bounds it step by step.
-//! What the closed form does not solve, the dual method of `active_set` does, or else `way_out`,
-//! which checks what Clarabel proposes; no file but `qp` names that. `watch` looks at single
-//! channels: at rest in the recording, or an angle that jumps by a turn.
-//! [`defaults`] is the rule for settings that are not given; [`tol`] holds every tolerance with its reason.
+//! (16b) as mean + basis) → `reduction` (one QR: a least-distance problem) → `plan_builder` (the
+//! numbers of one depth, as a step reads them) → `mhe` ([`DdMhe`]: Algorithm 1) → `estimate`
+//! ([`Estimate`]). What is computed at construction is a `design`, which copies of an estimator
+//! share; `many` runs them on all cores. A step itself is the crate [`ddmhe_run`], which needs
+//! neither this one nor the standard library: [`DdMhe::plan`] makes bytes for it.
+//!
+//! [`Certificate`] replaces the scalar weights by matrices for which the error is known to shrink,
+//! and bounds it step by step. What [`ddmhe_run`] is not certain of, `way_out` decides: it checks
+//! what Clarabel proposes; no file but `qp` names that. `watch` looks at single channels: at rest
+//! in the recording, or an angle that jumps by a turn. [`defaults`] is the rule for settings that
+//! are not given; [`tol`] holds every tolerance with its reason.
 //!
 //! The second method, a guaranteed interval around a state, is the crate `ddmhe-interval`, whose
 //! names are re-exported here: [`interval`], [`Zonotope`], [`observer`] ([`IntervalObserver`]).
@@ -44,7 +46,7 @@
 //! |---|---|---|---|---|
 //! | x̂(t-m) … x̂(t) | [`Estimate::window`], the last of them [`Estimate::x`] | (m+1)·n | of x | (16c) |
 //! | v̂(t-m) … v̂(t-1) | [`Estimate::v`] | m·p | of y | (16d) |
-//! | x̄(t-m) | `window::Data::prior` | n | scaled | (17) |
+//! | x̄(t-m) | [`ddmhe_run::problem::Data::prior`] | n | scaled | (17) |
 //! | ρ, μ | [`Config::rho`], [`Config::mu`] | | none, (of x / of y)² | (17) |
 //! | P, R, η | [`Certificate`]: in the place of I, μ I, ρ | n × n, p × p | | (17) |
 //! | the columns of the stacked Hankel matrices | `space::WindowStack::rows`, as rows | N × (1+d) | scaled | (16b) |
@@ -52,14 +54,15 @@
 //! | λ on ‖a‖² | [`TrajectorySpace`]: lambda | | none | none |
 //! | F, G: the weighted rows that the cost sees | `reduction::reduce` | (n+m p) × r, r × r | | (17) |
 //! | K, A: z* = K (\[x̄; y\] - c), w = c + A z | `reduction::Reduced` | r × (n+m p), d × r | | (16), (17) |
-//! | z*, z: the minimiser without and with bounds | `window::Scratch::free`, `z` | r | | (16) |
+//! | z*, z: the minimiser without and with bounds | [`ddmhe_run::problem::Scratch`]: unconstrained, z | r | | (16) |
 //!
 //! # Example
 //! ```
 //! use ddmhe_core::{Config, DdMhe, History};
 //! // x(t+1) = 0.9 x(t) + 1, y = 2 x: recorded from x = 0, then watched from x = 5 through y alone
 //! let simulate = |start: f64, steps: usize| {
-//!     let x: Vec<f64> = std::iter::successors(Some(start), |x| Some(0.9 * x + 1.0)).take(steps + 1).collect();
+//!     let next = |x: &f64| Some(0.9 * x + 1.0);
+//!     let x: Vec<f64> = std::iter::successors(Some(start), next).take(steps + 1).collect();
 //!     let y: Vec<f64> = x[..steps].iter().map(|x| 2.0 * x).collect();
 //!     (x, y)
 //! };

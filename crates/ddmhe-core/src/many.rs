@@ -8,7 +8,8 @@ use crate::interrupt::on_all_cores;
 use crate::mhe::DdMhe;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// [`DdMhe::run`] of many estimators over as many logs, on all cores: the same numbers, in the same order.
+/// [`DdMhe::run`] of many estimators over as many logs, on all cores: the same numbers, in the same
+/// order.
 ///
 /// `stop` is asked every 50 ms, with the number of logs done; after true, logs hold what was
 /// finished by then.
@@ -30,9 +31,9 @@ pub fn run_many(
     )?)
 }
 
-/// [`DdMhe::run`] of as many copies of one estimator as there are logs, on all cores: each log continues from where the
-/// estimator is, which itself does not move. What was computed at construction is shared. `stop` as
-/// for [`run_many`].
+/// [`DdMhe::run`] of as many copies of one estimator as there are logs, on all cores: each log
+/// continues from where the estimator is, which itself does not move. What was computed at
+/// construction is shared. `stop` as for [`run_many`].
 ///
 /// # Errors
 /// The first log's error, in order; as for [`DdMhe::run`].
@@ -45,8 +46,8 @@ pub fn run_copies(
     collected(on_all_cores(logs.to_vec(), run, stop)?)
 }
 
-/// [`DdMhe::run`] of an estimator for each recording over its log, all with the same settings, on all cores. `stop` as for
-/// [`run_many`].
+/// [`DdMhe::run`] of an estimator for each recording over its log, all with the same settings, on
+/// all cores. `stop` as for [`run_many`].
 ///
 /// # Errors
 /// The first error, in order; as for [`DdMhe::new`] and [`DdMhe::run`].

@@ -65,8 +65,9 @@ impl DdMhe {
     /// problems of all depths.
     ///
     /// # Errors
-    /// [`Error::Value`], [`Error::Shape`] or [`Error::NotFinite`] naming the setting at fault; [`Error::Rank`] when the
-    /// recording is too short for the horizon or violates the rank condition (7).
+    /// [`Error::Value`], [`Error::Shape`] or [`Error::NotFinite`] naming the setting at fault;
+    /// [`Error::Rank`] when the recording is too short for the horizon or violates the rank
+    /// condition (7).
     pub fn new(history: &History, config: Config) -> Result<Self, Error> {
         let design = Design::new(history, &config, config.start)?;
         let mut mhe = DdMhe {
@@ -96,8 +97,9 @@ impl DdMhe {
         self.step_within(y, None)
     }
 
-    /// [`step`](Self::step) with other state bounds for this step alone: lo and hi hold n numbers each, or one row per state of
-    /// the window, (M_t+1)·n with M_t = [`next_depth`](Self::next_depth).
+    /// [`step`](Self::step) with other state bounds for this step alone: lo and hi hold n numbers
+    /// each, or one row per state of the window, (M_t+1)·n with M_t =
+    /// [`next_depth`](Self::next_depth).
     ///
     /// # Errors
     /// As [`step`](Self::step), and for bounds of the wrong size, NaN or crossed.
@@ -124,8 +126,8 @@ impl DdMhe {
         self.run_until(ys, &mut || false)
     }
 
-    /// [`run`](Self::run) until `stop`, asked every 50 ms or so, is true: the log then ends with the last step made, where the
-    /// estimator stands.
+    /// [`run`](Self::run) until `stop`, asked every 50 ms or so, is true: the log then ends with
+    /// the last step made, where the estimator stands.
     ///
     /// # Errors
     /// As [`run`](Self::run).
@@ -166,8 +168,8 @@ impl DdMhe {
     /// The first run from another start than before may have to factor the problems that it needs.
     ///
     /// # Errors
-    /// [`Error::Shape`] or [`Error::NotFinite`] for `x_prior`; [`Error::Value`] for a start that contradicts it, or an unknown one
-    /// beside a disturbance. The estimator is then unchanged.
+    /// [`Error::Shape`] or [`Error::NotFinite`] for `x_prior`; [`Error::Value`] for a start that
+    /// contradicts it, or an unknown one beside a disturbance. The estimator is then unchanged.
     pub fn reset_from(&mut self, start: Start, x_prior: Option<&[f64]>) -> Result<(), Error> {
         if let Some(x) = x_prior {
             check_vector("x_prior", x, self.design.history.n())?;

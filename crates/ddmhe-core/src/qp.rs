@@ -1,6 +1,6 @@
-//! Small dense programmes, the only file of the crate that names Clarabel: what it proposes where the dual
-//! active-set method of `active_set` is not certain. Nothing that it says is believed: `way_out`
-//! checks the points and the multipliers.
+//! Small dense programmes, the only file of the crate that names Clarabel: what it proposes where
+//! the dual active-set method of `active_set` is not certain. Nothing that it says is believed:
+//! `way_out` checks the points and the multipliers.
 //!
 //! The estimator hands over a least-distance problem: with t the deviation from the unconstrained
 //! minimiser, in coordinates where the cost's Hessian is the identity,

@@ -351,7 +351,8 @@ pub(crate) struct WindowStack<'a> {
     equilibrium: Option<Vec<f64>>, // scaled x_e, then scaled y_e
     depth: usize,
     R: Mat<f64>, // of the windows of `depth`: min(N, 1+d) × (1+d)
-    latest: RefCell<Option<(usize, Rc<Decomposed>)>>, // and its depth: settings are tried at one depth after another
+    // and its depth: settings are tried at one depth after another
+    latest: RefCell<Option<(usize, Rc<Decomposed>)>>,
 }
 
 /// The centred windows of one depth.

@@ -115,8 +115,8 @@ impl Fold {
 /// then is None.
 ///
 /// # Errors
-/// [`Error::Value`] for a fold that does not exist, and as [`Fold::check`]. A setting that a fold is too short for is no error but an
-/// infinite score.
+/// [`Error::Value`] for a fold that does not exist, and as [`Fold::check`]. A setting that a fold
+/// is too short for is no error but an infinite score.
 pub fn validate(
     folds: &[Fold],
     jobs: &[(usize, Config)],

@@ -56,8 +56,8 @@ fn centred(mut M: Mat<f64>) -> Mat<f64> {
     M
 }
 
-/// Standard deviations of the white noise on each channel of x (n) and of y (p), in their units, from
-/// fifth differences; 0 where no recording has more than five samples.
+/// Standard deviations of the white noise on each channel of x (n) and of y (p), in their units,
+/// from fifth differences; 0 where no recording has more than five samples.
 pub fn noise_levels(history: &History) -> (Vec<f64>, Vec<f64>) {
     let level = |signal: fn(&History, usize) -> &[f64], width: usize| {
         (0..width).map(|i| fifth_differences(history, signal, (i, width)).sqrt()).collect()

@@ -32,9 +32,10 @@ const LEAST: usize = 8;
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Watch {
     still: Vec<(usize, f64, f64)>, // output, its recorded value, how far from it is rounding
-    jump: Vec<f64>, // by output: a step below this is none by a turn; infinite if it cannot be an angle
+    // by output: a step below this is none by a turn; infinite if it cannot be an angle
+    jump: Vec<f64>,
     ranges: Vec<Vec<(f64, f64)>>, // by output: what it may be wrapped to
-    usual: Vec<f64>, // by output: the largest ordinary step
+    usual: Vec<f64>,              // by output: the largest ordinary step
 }
 
 /// What was seen online: the step at which each output first did what it never did in the
@@ -67,7 +68,8 @@ impl Watch {
             if let Some((value, rounding)) = channel.still() {
                 watch.still.push((index, value, rounding));
                 words.push(format!(
-                    "output {index} (counted from 0) never moved in the recording, it is {value} throughout: it tells nothing of \
+                    "output {index} (counted from 0) never moved in the recording, it is {value} \
+                    throughout: it tells nothing of \
                      the states"
                 ));
             }
@@ -136,7 +138,8 @@ impl Watch {
         let moved = self.still.iter().zip(&seen.moved).filter_map(|(&(i, value, _), t)| {
             let since = since((*t)?);
             Some(format!(
-                "output {i} (counted from 0) moves {since}, which it never did in the recording, where it is {value}: no estimate uses it"
+                "output {i} (counted from 0) moves {since}, which it never did in the recording, \
+                where it is {value}: no estimate uses it"
             ))
         });
         let turned = seen.turned.iter().enumerate().filter_map(|(i, t)| {
@@ -157,7 +160,8 @@ impl Watch {
     }
 }
 
-const ADVICE: &str = "a wrapped angle follows no linear motion; give its cosine and sine as two channels, or unwrap it";
+const ADVICE: &str = "a wrapped angle follows no linear motion; give its cosine and sine as two \
+channels, or unwrap it";
 
 impl Channel<'_> {
     /// Values of each part, in time.
@@ -219,7 +223,8 @@ impl Channel<'_> {
         let turn = if turn == TAU { "2 pi" } else { "360" };
         let index = self.index;
         Some(format!(
-            "{name} {index} (counted from 0) jumps by about {turn} in the recording, {count} times, first at sample {sample}{place}: \
+            "{name} {index} (counted from 0) jumps by about {turn} in the recording, {count} \
+            times, first at sample {sample}{place}: \
              {ADVICE}"
         ))
     }

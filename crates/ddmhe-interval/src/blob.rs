@@ -88,7 +88,8 @@ pub fn to_bytes<T: Serialize>(kind: Kind, value: &T) -> Vec<u8> {
 /// What [`to_bytes`] saved under this kind. Its numbers are the caller's to check.
 ///
 /// # Errors
-/// [`Error::Value`] that says whether the bytes are foreign, of another format or kind, cut off, too long or changed.
+/// [`Error::Value`] that says whether the bytes are foreign, of another format or kind, cut off,
+/// too long or changed.
 pub fn from_bytes<T: DeserializeOwned>(kind: Kind, blob: &[u8]) -> Result<T, Error> {
     let wrong =
         |found: String| Error::value("blob", format!("{} as it was made", kind.name()), found);

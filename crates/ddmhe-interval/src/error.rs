@@ -53,7 +53,8 @@ pub enum Error {
     /// Measurements contradict the stated model or its bounds: no state is left (interval
     /// observers).
     #[error(
-        "{argument}: expected a sample that the model and its bounds allow, found step {step} leaves state {} a gap of \
+        "{argument}: expected a sample that the model and its bounds allow, found step {step} \
+        leaves state {} a gap of \
          {gap:.3e} between its bounds", state + 1
     )]
     ModelViolation {

@@ -6,10 +6,10 @@
 //!
 //! > x(k+1) = A x(k) + B u + f(x) + D1 w,  y = C x + r + D2 v,  Df(x) in \[J̲, J̄\]    (13), (14)
 //!
-//! the outputs y and inputs u are measured, and |w| ≤ w̄, |v| ≤ v̄, |x(0) - p₀| ≤ x̄₀ (17) is all that
-//! is known of disturbance, noise and start. Wanted is a small box that holds x(k) whatever these
-//! were. Equation numbers are those of "Interval Estimation for Bounded Jacobian Nonlinear Systems
-//! by Zonotope Analysis", cited as the interval paper.
+//! the outputs y and inputs u are measured, and |w| ≤ w̄, |v| ≤ v̄, |x(0) - p₀| ≤ x̄₀ (17) is all
+//! that is known of disturbance, noise and start. Wanted is a small box that holds x(k) whatever
+//! these were. Equation numbers are those of "Interval Estimation for Bounded Jacobian Nonlinear
+//! Systems by Zonotope Analysis", cited as the interval paper.
 //!
 //! # A tour
 //! [`interval`] (arithmetic whose results hold the exact ones) → `rounding` (what sums and products

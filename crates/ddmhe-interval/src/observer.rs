@@ -218,8 +218,8 @@ impl<D: Dynamics> IntervalObserver<D> {
         Ok(Present { step: now.step + 1, set: to.set, level, state: predicted, past, estimate })
     }
 
-    /// The segment from x̂ to x, over which the Jacobian is taken (14): x in the zonotope's hull, or
-    /// in all that is known of x.
+    /// The segment from x̂ to x, over which the Jacobian is taken (14): x in the zonotope's hull,
+    /// or in all that is known of x.
     fn segment(&self, x: &[Interval]) -> Vec<Interval> {
         let set = &self.present.set;
         let over = match self.method {

@@ -54,11 +54,12 @@ pub const INVERTED: f64 = 0.5;
 /// number costs more than the bound Σ|P_ij| r_i r_j gives away.
 pub const VERTICES: usize = 10;
 
-/// Past transitions that a measurement is carried back through: each is contracted twice a step, and
-/// what is composed over many of them says little of their first box.
+/// Past transitions that a measurement is carried back through: each is contracted twice a step,
+/// and what is composed over many of them says little of their first box.
 pub const TRANSITIONS: usize = 4;
 
-/// Largest argument of sin and cos whose quotient by π still has a parity in floats: 2^50 is 1.1e15.
+/// Largest argument of sin and cos whose quotient by π still has a parity in floats: 2^50 is
+/// 1.1e15.
 pub const PHASE: f64 = 1e15;
 
 /// An interval wider than this holds a whole period, 2π, whatever its width was rounded to.

@@ -264,8 +264,8 @@ impl RankReport {
     }
 }
 
-/// Standard deviations of the white noise on each channel of x (n,) and y (p,), in their units, from
-/// fifth differences; 0 where no recording has more than five samples.
+/// Standard deviations of the white noise on each channel of x (n,) and y (p,), in their units,
+/// from fifth differences; 0 where no recording has more than five samples.
 #[pyfunction]
 pub fn noise_levels<'py>(
     py: Python<'py>,

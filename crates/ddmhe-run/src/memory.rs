@@ -93,8 +93,8 @@ impl Room {
 
 /// The moving window, as scaled deviations, and room for a step, in numbers that are owned or lent.
 ///
-/// The window of a step may be shorter than what is kept: a run that grows through a few depths only
-/// keeps all outputs until the horizon is reached.
+/// The window of a step may be shorter than what is kept: a run that grows through a few depths
+/// only keeps all outputs until the horizon is reached.
 #[derive(Debug, Clone)]
 pub struct Memory<B> {
     block: B,
@@ -232,8 +232,8 @@ impl<B: AsRef<[f64]> + AsMut<[f64]>> Memory<B> {
         most.map_or(0, |(_, k)| k / self.outputs.width)
     }
 
-    /// From now on these samples of the window count as not measured; [`take_back`](Self::take_back)
-    /// undoes it.
+    /// From now on these samples of the window count as not measured;
+    /// [`take_back`](Self::take_back) undoes it.
     pub fn set_aside(&mut self, samples: Range<usize>) {
         let (p, window) = (self.outputs.width, self.outputs.last(self.depth));
         let block = self.block.as_mut();

@@ -2,8 +2,8 @@
 //! needs, and nothing that a step changes.
 //!
 //! A plan is one block of numbers for what all depths share ([`Common`]) and one for each depth
-//! ([`Depth`]): where their arrays are follows from the sizes alone. As bytes these blocks stand one
-//! behind the other, little-endian doubles throughout:
+//! ([`Depth`]): where their arrays are follows from the sizes alone. As bytes these blocks stand
+//! one behind the other, little-endian doubles throughout:
 //!
 //! | numbers | content |
 //! |---|---|

@@ -1,5 +1,5 @@
-//! One window's problem: the numbers that it is made of, the data that it is given, and the room that
-//! it is solved in.
+//! One window's problem: the numbers that it is made of, the data that it is given, and the room
+//! that it is solved in.
 
 use crate::active_set::problem::Windows;
 use crate::active_set::rows::Rows;

@@ -1,9 +1,9 @@
 //! Algorithm 1 of Liu 2026 on checked input.
 //!
-//! At time t the window is y(t-M_t) … y(t-1); the estimate is x̂(t), made from outputs up to y(t-1).
-//! M_t is the largest depth of the plan that t outputs fill, and from then on the horizon M. The
-//! prior x̄(t-M_t) is x̄(0) where the window holds all outputs of the run, and otherwise the estimate
-//! that was made then (filtering update).
+//! At time t the window is y(t-M_t) … y(t-1); the estimate is x̂(t), made from outputs up to
+//! y(t-1). M_t is the largest depth of the plan that t outputs fill, and from then on the horizon
+//! M. The prior x̄(t-M_t) is x̄(0) where the window holds all outputs of the run, and otherwise the
+//! estimate that was made then (filtering update).
 //!
 //! *Where there is no minimiser.* An entry of y that is more than 1/ε deviations from the recording
 //! is one that cannot be computed with: it counts as not measured, now and later, and the status of
@@ -14,9 +14,10 @@
 //! lost) it is believed instead, the older ones are left out, and the past estimates are those of
 //! this window. A window whose answer cannot be computed loses the output furthest out, or the
 //! newest. Where none of that helps, the box is at fault: what is handed out is the minimiser
-//! without bounds, its states moved into the box in force, and x̄ of later steps is that estimate in
-//! the configured box alone: a box of one step is not remembered. An estimate that is itself beyond
-//! 1/ε deviations is none: the window starts again from the recording's mean and from no output.
+//! without bounds, its states moved into the box in force, and x̄ of later steps is that estimate
+//! in the configured box alone: a box of one step is not remembered. An estimate that is itself
+//! beyond 1/ε deviations is none: the window starts again from the recording's mean and from no
+//! output.
 
 use crate::estimate::Estimate;
 use crate::fallback::{Alone, Fallback};
@@ -159,8 +160,8 @@ impl<B: AsRef<[f64]> + AsMut<[f64]>, F: Fallback> Pass<'_, B, F> {
 
     /// The answer without the outputs that contradict the others: without the newest sample, or,
     /// where the [`DOUBTS`](tol::DOUBTS) before it say nothing, without all before it (true). Of a
-    /// window that cannot be computed the sample furthest out is the first in doubt. What is doubted
-    /// counts as not measured from then on; where nothing helps, nothing is.
+    /// window that cannot be computed the sample furthest out is the first in doubt. What is
+    /// doubted counts as not measured from then on; where nothing helps, nothing is.
     fn doubt(&mut self, failed: bool, out: &mut Answer<'_>) -> (WindowSolution, bool) {
         let newest = self.memory.depth() - 1;
         let stale = newest >= tol::DOUBTS && self.memory.silent(newest - tol::DOUBTS..newest);
@@ -181,8 +182,8 @@ impl<B: AsRef<[f64]> + AsMut<[f64]>, F: Fallback> Pass<'_, B, F> {
     }
 
     /// After a step that is not optimal: what is handed out is moved into the box in force, and
-    /// what goes on as x̂(t) into the configured one, since a box for this step alone says nothing of
-    /// later ones. With `anew` the estimates of the window's past are replaced by the window.
+    /// what goes on as x̂(t) into the configured one, since a box for this step alone says nothing
+    /// of later ones. With `anew` the estimates of the window's past are replaced by the window.
     #[cold]
     fn confine(
         &mut self,

@@ -8,7 +8,8 @@ pub const FEASIBLE: f64 = 1e-11;
 /// deviations; multipliers relative to the largest).
 pub const ACTIVE_SET: f64 = 1e-9;
 
-/// Most changes of the active set, beside four for each direction; a good guess needs none or a few.
+/// Most changes of the active set, beside four for each direction; a good guess needs none or a
+/// few.
 pub const ACTIVE_SET_CHANGES: usize = 100;
 
 /// The dual active-set method takes in a row that is violated by more than this, in standard
@@ -60,6 +61,6 @@ pub const MEASURABLE: f64 = 1.0 / f64::EPSILON;
 /// them that it contradicts.
 pub const DOUBTS: usize = 3;
 
-/// Depths that a run grows through are at most this many thirds … apart: see
-/// [`kept_depths`](crate::plan::kept_depths).
+/// Of the depths that a run grows through, each lacks one part in so many of the next: a half more
+/// at most. See [`kept_depths`](crate::plan::kept_depths).
 pub const DEPTHS: usize = 3;

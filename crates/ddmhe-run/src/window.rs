@@ -27,8 +27,8 @@ use crate::tol;
 
 impl WindowProblem<'_> {
     /// (16), (17): the minimiser's window into the scratch, and in the user's units its states
-    /// ((m+1)·n) and its fitted noise v (m·p). None where too little is left of the cost without the
-    /// missing outputs: the problem must then be made anew for what was measured.
+    /// ((m+1)·n) and its fitted noise v (m·p). None where too little is left of the cost without
+    /// the missing outputs: the problem must then be made anew for what was measured.
     #[inline(always)]
     pub fn solve(
         &self,

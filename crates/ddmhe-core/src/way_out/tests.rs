@@ -23,7 +23,8 @@ struct Hostile {
     inside: Vec<f64>,
     lo: Vec<f64>,
     hi: Vec<f64>,
-    excess: f64, // by which a pair of bounds contradict each other, in units; 0: `inside` satisfies all
+    // by which a pair of bounds contradict each other, in units; 0: `inside` satisfies all
+    excess: f64,
 }
 
 fn along(A: &Mat<f64>, row: usize, z: &[f64]) -> f64 {

@@ -167,8 +167,8 @@ impl ErrorZonotope {
     }
 }
 
-/// \[A\] M with columns mid A · M and, added to the half widths D_s, the radius of A times |M| 1 and
-/// the rounding of the products; `sums` are |M| 1.
+/// \[A\] M with columns mid A · M and, added to the half widths D_s, the radius of A times |M| 1
+/// and the rounding of the products; `sums` are |M| 1.
 fn multiply(A: &[Interval], M: &[f64], sums: &[f64], columns: &mut Vec<f64>, D_s: &mut [f64]) {
     let n = sums.len();
     let mid: Vec<f64> = A.iter().map(|a| a.mid()).collect();

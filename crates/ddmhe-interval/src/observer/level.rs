@@ -146,8 +146,8 @@ impl Level {
         ]
     }
 
-    /// φ of ‖S e‖ ≤ φ: λV̄ + (μ_w - γ)w̄² + (μ_v - γ)v̄² from (23). The printed (44) lets the sum in V̄
-    /// run to infinity.
+    /// φ of ‖S e‖ ≤ φ: λV̄ + (μ_w - γ)w̄² + (μ_v - γ)v̄² from (23). The printed (44) lets the sum
+    /// in V̄ run to infinity.
     fn radius_of_ball(&self, distance: f64, decay: f64) -> f64 {
         let (g, peak) = (&self.gain, &self.peak);
         // all in the unit of the largest: what underflows there is below the slack

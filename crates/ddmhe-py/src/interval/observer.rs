@@ -147,8 +147,8 @@ impl ObserverCore {
     }
 }
 
-/// Steps through Y and U (empty: no input) until they end, `interrupt` does, or a sample contradicts
-/// the model.
+/// Steps through Y and U (empty: no input) until they end, `interrupt` does, or a sample
+/// contradicts the model.
 fn run(
     core: &mut Observer,
     Y: &[f64],

@@ -6,9 +6,9 @@ use crate::active_set::working_set::{ActiveBound, Sides};
 use crate::panels::{Root, axpy, dot};
 use crate::tol;
 
-/// A combination of sides with multipliers of at least 0: what [`LeastDistance::weigh`] adds up, with the
-/// length of what is left of their normals. If that is rounding and the bounds add up to more than
-/// what they are loosened by, nothing satisfies them all.
+/// A combination of sides with multipliers of at least 0: what [`LeastDistance::weigh`] adds up,
+/// with the length of what is left of their normals. If that is rounding and the bounds add up to
+/// more than what they are loosened by, nothing satisfies them all.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Combination {
     rest: f64,

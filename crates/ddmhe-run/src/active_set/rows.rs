@@ -34,8 +34,8 @@ pub struct RowsMut<'a> {
 }
 
 impl RowsMut<'_> {
-    /// From the entries of A (padded rows of zeros included), with `r` columns, and the unit of each
-    /// row. What is written to must be zeros.
+    /// From the entries of A (padded rows of zeros included), with `r` columns, and the unit of
+    /// each row. What is written to must be zeros.
     pub fn write(self, r: usize, entry: impl Fn(usize, usize) -> f64, unit: &[f64]) {
         let stride = Rows::stride_of(r);
         for (i, unit) in unit.iter().enumerate() {

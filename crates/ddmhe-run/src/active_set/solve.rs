@@ -32,7 +32,8 @@ impl<W: Windows> LeastDistance<'_, W> {
     }
 
     /// From no active bounds: what it found and the multipliers of the bounds that it held active
-    /// last, which are left in `kept`. z and w are the last point and its window, whatever was found.
+    /// last, which are left in `kept`. z and w are the last point and its window, whatever was
+    /// found.
     #[cold]
     pub fn anew<'m>(
         &self,
@@ -122,7 +123,8 @@ impl<W: Windows> LeastDistance<'_, W> {
     ) -> Option<Outcome> {
         if self.is_zero(side.row) {
             let proved = self.proof(side, &Sides::new(&mut [], &mut 0), 0.0, work);
-            return Some(if proved { Outcome::Infeasible(*changes) } else { Outcome::Uncertain }); // 0ᵀz cannot be above 0
+            // 0ᵀz cannot be above 0
+            return Some(if proved { Outcome::Infeasible(*changes) } else { Outcome::Uncertain });
         }
         self.normal(side, work);
         let missing = match self.trust.far {

@@ -12,7 +12,8 @@ const FORMAT: f64 = 1.0;
 /// Where the checksum is, which is of everything else.
 const SUM: usize = 3;
 
-/// Bytes where doubles can be read: `static PLAN: Aligned<[u8; LEN]> = Aligned(*include_bytes!(…))`.
+/// Bytes where doubles can be read: `static PLAN: Aligned<[u8; LEN]> =
+/// Aligned(*include_bytes!(…))`.
 #[derive(Debug, Clone, Copy)]
 #[repr(C, align(64))]
 pub struct Aligned<T>(pub T);

@@ -109,9 +109,8 @@ impl Depth {
     }
 }
 
-/// The first windows of a run: which depths a plan keeps so that none of more than `horizon`
-/// outputs is needed. `every`: each depth, Algorithm 1 as printed; otherwise each is at most half as
-/// deep again as the one before.
+/// Depths of the windows that a run grows through, from the horizon down to 1. `every`: each of
+/// them, Algorithm 1 as printed; otherwise each is at most half as deep again as the next.
 pub fn kept_depths(horizon: usize, every: bool) -> impl Iterator<Item = usize> {
     let mut depth = Some(horizon);
     let down = move || {
