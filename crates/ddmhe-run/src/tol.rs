@@ -64,3 +64,6 @@ pub const DOUBTS: usize = 3;
 /// Of the depths that a run grows through, each lacks one part in so many of the next: a half more
 /// at most. See [`kept_depths`](crate::plan::kept_depths).
 pub const DEPTHS: usize = 3;
+
+/// Up to this depth none is left out: they take little memory, and a run is in most need of them.
+pub const SHORT: usize = 20;

@@ -109,15 +109,14 @@ impl Depth {
     }
 }
 
-/// Depths of the windows that a run grows through, from the horizon down to 1. `every`: each of
-/// them, Algorithm 1 as printed; otherwise each is at most half as deep again as the next.
+/// Depths of the windows that a run grows through, from the horizon down to 1. `every`: each of them,
+/// Algorithm 1 as printed; otherwise, above [`SHORT`](tol::SHORT), each is at most half as deep again
+/// as the next.
 pub fn kept_depths(horizon: usize, every: bool) -> impl Iterator<Item = usize> {
-    let mut depth = Some(horizon);
-    let down = move || {
-        let this = depth?;
-        let step = if every { 1 } else { this.div_ceil(tol::DEPTHS) };
-        depth = this.checked_sub(step).filter(|next| *next > 0);
-        Some(this)
+    let next = move |depth: usize| match depth {
+        depth if every || depth <= tol::SHORT => depth - 1,
+        depth => (depth - depth.div_ceil(tol::DEPTHS)).max(tol::SHORT),
     };
-    core::iter::from_fn(down)
+    let down = move |depth: &usize| Some(next(*depth)).filter(|depth| *depth > 0);
+    core::iter::successors(Some(horizon), down)
 }
