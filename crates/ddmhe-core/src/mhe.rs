@@ -207,7 +207,12 @@ impl DdMhe {
             let found = "an estimator with error bounds";
             return Err(Error::value("disturbance", "none, for a plan", found));
         }
-        let opening = if self.start == Start::Unknown { self.opening.as_deref() } else { None };
+        let start = self.config.start; // of a new run, whatever this one is
+        let Design { history, settings, ground, .. } = &*self.design;
+        if ground.sizes().filled != filled(history, start, settings.horizon) {
+            return DdMhe::new(history, self.config.clone())?.plan();
+        }
+        let opening = self.opening.as_deref().filter(|_| start == Start::Unknown);
         let opening = opening.map_or(&[][..], |opening| &opening.problems);
         Ok(self.design.ground.bytes(&self.design.problems, opening))
     }

@@ -183,10 +183,13 @@ impl<'a> Plan<'a> {
         if !(bytes.as_ptr() as usize).is_multiple_of(align_of::<f64>()) {
             return Err(PlanError::Alignment);
         }
-        if bytes.len() < 8 * HEADER || bytes[..8] != MAGIC.to_le_bytes() {
+        if !bytes.starts_with(&MAGIC.to_le_bytes()) {
             return Err(PlanError::Foreign);
         }
         let numbers: &[f64] = bytemuck::try_cast_slice(bytes).map_err(|_| PlanError::Length)?;
+        if numbers.len() < HEADER {
+            return Err(PlanError::Length);
+        }
         if numbers[1] != FORMAT {
             return Err(PlanError::Format);
         }
