@@ -25,7 +25,7 @@ use ddmhe_run::active_set::{
     solve_transposed, work_len,
 };
 use ddmhe_run::fallback::{self, Fallback};
-use ddmhe_run::problem::{Data, Scratch, WindowProblem, WindowSolution};
+use ddmhe_run::problem::{Data, Scratch, WindowSolution};
 use faer::Mat;
 
 /// The bounded rows, in coordinates t in which the Hessian is the identity.
@@ -125,7 +125,6 @@ impl Fallback for Fallbacks<'_> {
     #[cold]
     fn anew(
         &self,
-        _: &WindowProblem<'_>,
         data: &Data<'_>,
         room: (&mut WorkingSet<'_>, &mut Scratch<'_>),
         answer: (&mut [f64], &mut [f64]),

@@ -5,6 +5,7 @@ use crate::config::{Config, Weighting};
 use crate::defaults::Defaults;
 use crate::error::Error;
 use crate::space::Scaling;
+use ddmhe_run::reweight::reduced;
 use faer::{Mat, Side};
 use std::borrow::Cow;
 
@@ -155,30 +156,14 @@ impl Weights {
         self.factor(measured).as_ref() * faer::Scale(self.age(age).sqrt())
     }
 
-    /// The weight R of one sample (p × p, by rows, into `out`) without the channels that were not
-    /// measured: these are free to be anything, so what is left for the others is the Schur
-    /// complement of their block, and zeros.
-    fn reduced(&self, measured: impl Fn(usize) -> bool, out: &mut [f64]) {
-        let p = self.R.nrows();
-        out.iter_mut().enumerate().for_each(|(k, r)| *r = self.R[(k / p, k % p)]);
-        for q in (0..p).filter(|&q| !measured(q)) {
-            let pivot = out[q * p + q];
-            for i in (0..p).filter(|&i| i != q) {
-                let part = out[i * p + q] / pivot;
-                (0..p).for_each(|j| out[i * p + j] -= part * out[q * p + j]);
-            }
-            (0..p).for_each(|i| (out[i * p + q], out[q * p + i]) = (0.0, 0.0));
-        }
-    }
-
-    /// U with UᵀU the weight of one sample, [`reduced`](Self::reduced) to what was measured.
+    /// U with UᵀU the weight of one sample, [`reduced`] to what was measured.
     fn factor(&self, measured: &[bool]) -> Cow<'_, Mat<f64>> {
         if measured.iter().all(|&m| m) {
             return Cow::Borrowed(&self.noise);
         }
         let p = measured.len();
         let mut R = vec![0.0; p * p];
-        self.reduced(|i| measured[i], &mut R);
+        reduced(&self.output_weight(), p, |i| measured[i], &mut R);
         let seen: Vec<usize> = (0..p).filter(|&i| measured[i]).collect();
         let block = Mat::from_fn(seen.len(), seen.len(), |i, j| R[seen[i] * p + seen[j]]);
         let mut U = Mat::zeros(p, p);

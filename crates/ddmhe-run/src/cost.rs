@@ -53,7 +53,7 @@ impl WindowProblem<'_> {
     fn noise_cost(&self, v: &[f64], block: &mut [f64]) -> f64 {
         let (p, s_y) = (self.depth.layout.p, self.shared.s_y);
         v.chunks_exact(p).fold(0.0, |sum, v| {
-            reduced(&self.shared, |i| v[i].is_finite(), &mut block[..p * p]);
+            reduced(self.shared.R, p, |i| v[i].is_finite(), &mut block[..p * p]);
             let known = |i: usize| if v[i].is_finite() { v[i] / s_y[i] } else { 0.0 };
             let row = |i: usize| (0..p).map(|j| block[i * p + j] * known(j)).sum::<f64>();
             self.shared.rho * sum + (0..p).map(|i| known(i) * row(i)).sum::<f64>()

@@ -2,7 +2,7 @@
 
 use crate::active_set::problem::{LeastDistance, Outcome, Windows};
 use crate::active_set::working_set::WorkingSet;
-use crate::problem::{Data, Scratch, WindowProblem, WindowSolution};
+use crate::problem::{Data, Scratch, WindowSolution};
 use crate::status::Status;
 
 /// Another way to an answer. A ground station has solvers and memory for it; in flight there is
@@ -36,7 +36,6 @@ pub trait Fallback {
     /// made for what was measured; None where that is not to be had.
     fn anew(
         &self,
-        problem: &WindowProblem<'_>,
         data: &Data<'_>,
         room: (&mut WorkingSet<'_>, &mut Scratch<'_>),
         answer: (&mut [f64], &mut [f64]),
@@ -72,7 +71,6 @@ impl Fallback for Alone {
 
     fn anew(
         &self,
-        _: &WindowProblem<'_>,
         _: &Data<'_>,
         _: (&mut WorkingSet<'_>, &mut Scratch<'_>),
         _: (&mut [f64], &mut [f64]),

@@ -26,11 +26,6 @@ pub struct Layout {
 }
 
 impl Layout {
-    /// Rows d = (m+1) n + m p of a window.
-    pub fn rows(self) -> usize {
-        (self.depth + 1) * self.n + self.depth * self.p
-    }
-
     /// Rows of x(k), in time.
     pub fn x(self, k: usize) -> Range<usize> {
         let start = k * (self.n + self.p);

@@ -33,7 +33,7 @@
 //!
 //! # A tour
 //! [`layout`] (where a row is) → [`plan`] (the numbers) → [`problem`] (one window's) → `window`
-//! (Eq. (16) for it, with `bounds`, `cost` and `reweight`: outputs that are lost) → [`active_set`]
+//! (Eq. (16) for it, with `bounds`, `cost` and [`reweight`]: outputs that are lost) → [`active_set`]
 //! (active bounds) → [`memory`] (the sliding window) → [`stepper`] (Algorithm 1). [`panels`] are
 //! the products, [`tol`] every tolerance. [`fallback`] is where a ground station's solver comes in.
 
@@ -52,7 +52,7 @@ pub mod memory;
 pub mod panels;
 pub mod plan;
 pub mod problem;
-mod reweight;
+pub mod reweight;
 mod status;
 pub mod stepper;
 pub mod tol;

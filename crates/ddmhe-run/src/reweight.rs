@@ -14,9 +14,8 @@ use crate::tol;
 /// The weight R of one sample (p × p, by rows, into `out`) without the channels that were not
 /// measured: these are free to be anything, so what is left for the others is the Schur complement
 /// of their block, and zeros.
-pub(crate) fn reduced(shared: &Shared<'_>, measured: impl Fn(usize) -> bool, out: &mut [f64]) {
-    let p = shared.sizes.p;
-    out.copy_from_slice(shared.R);
+pub fn reduced(R: &[f64], p: usize, measured: impl Fn(usize) -> bool, out: &mut [f64]) {
+    out.copy_from_slice(R);
     for q in (0..p).filter(|&q| !measured(q)) {
         let pivot = out[q * p + q];
         for i in (0..p).filter(|&i| i != q) {
@@ -31,9 +30,8 @@ pub(crate) fn reduced(shared: &Shared<'_>, measured: impl Fn(usize) -> bool, out
 /// were not measured.
 fn lost(shared: &Shared<'_>, age: usize, measured: impl Fn(usize) -> bool, out: &mut [f64]) {
     let discount = shared.discount[age - 1];
-    reduced(shared, measured, out);
-    let R = shared.R;
-    out.iter_mut().zip(R).for_each(|(r, R)| *r = discount * (R - *r));
+    reduced(shared.R, shared.sizes.p, measured, out);
+    out.iter_mut().zip(shared.R).for_each(|(r, R)| *r = discount * (R - *r));
 }
 
 impl WindowProblem<'_> {

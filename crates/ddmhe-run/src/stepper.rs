@@ -122,7 +122,7 @@ impl<B: AsRef<[f64]> + AsMut<[f64]>, F: Fallback> Pass<'_, B, F> {
             return found;
         }
         let (answer, room) = ((&mut *out.window, &mut *out.v), (&mut working, &mut scratch));
-        if let Some(found) = self.fallback.anew(self.problem, &data, room, answer) {
+        if let Some(found) = self.fallback.anew(&data, room, answer) {
             return found;
         }
         self.problem.rest(&data, &mut scratch, (&mut *out.window, &mut *out.v))

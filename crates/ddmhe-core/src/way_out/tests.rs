@@ -99,15 +99,7 @@ fn solve(p: &Hostile) -> (Status, bool, Vec<f64>, Vec<f64>) {
     let (len, r) = (p.A.nrows(), p.A.ncols());
     let rows = OwnRows::new(p.A.as_ref(), vec![0.0; len], p.unit.clone());
     let windows = Dense(p.A.clone());
-    let problem = LeastDistance {
-        rows: rows.rows(),
-        lo: &p.lo,
-        hi: &p.hi,
-        unconstrained: &p.free,
-        hessian_factor: None,
-        windows: &windows,
-        trust: Trust::CERTAIN,
-    };
+    let problem = windows.problem(&rows, &p.lo, &p.hi, &p.free);
     let (mut z, mut w) = (vec![0.0; padded(r)], vec![0.0; len]);
     let (status, quick) = match problem.solve(
         &mut OwnSet::new(r).working(),

@@ -109,9 +109,9 @@ impl Depth {
     }
 }
 
-/// Depths of the windows that a run grows through, from the horizon down to 1. `every`: each of them,
-/// Algorithm 1 as printed; otherwise, above [`SHORT`](tol::SHORT), each is at most half as deep again
-/// as the next.
+/// Depths of the windows that a run grows through, from the horizon down to 1. `every`: each of
+/// them, Algorithm 1 as printed; otherwise, above [`SHORT`](tol::SHORT), each is at most half as
+/// deep again as the next.
 pub fn kept_depths(horizon: usize, every: bool) -> impl Iterator<Item = usize> {
     let next = move |depth: usize| match depth {
         depth if every || depth <= tol::SHORT => depth - 1,

@@ -4,7 +4,7 @@ use super::dense::Dense;
 use crate::own::{OwnRows, OwnSet};
 use crate::way_out::way_out;
 use ddmhe_run::Status;
-use ddmhe_run::active_set::{ActiveBound, LeastDistance, Outcome, Trust, work_len};
+use ddmhe_run::active_set::{ActiveBound, Outcome, work_len};
 use ddmhe_run::panels::padded;
 use faer::Mat;
 use rand::{RngExt, SeedableRng};
@@ -48,15 +48,7 @@ impl Solver {
     fn solve(&mut self, lo: &[f64], hi: &[f64]) -> (Outcome, Vec<f64>) {
         let r = self.A.0.ncols();
         let [lo, hi, free, mut z, mut w] = self.room(lo, hi);
-        let problem = LeastDistance {
-            rows: self.rows.rows(),
-            lo: &lo,
-            hi: &hi,
-            unconstrained: &free,
-            hessian_factor: None,
-            windows: &self.A,
-            trust: Trust::CERTAIN,
-        };
+        let problem = self.A.problem(&self.rows, &lo, &hi, &free);
         let outcome = problem.solve(&mut self.set.working(), &mut self.memory, &mut z, &mut w);
         z.truncate(r);
         (outcome, z)
@@ -66,15 +58,7 @@ impl Solver {
     fn way_out(&self, lo: &[f64], hi: &[f64]) -> (Status, Vec<f64>) {
         let r = self.A.0.ncols();
         let [lo, hi, free, mut z, mut w] = self.room(lo, hi);
-        let problem = LeastDistance {
-            rows: self.rows.rows(),
-            lo: &lo,
-            hi: &hi,
-            unconstrained: &free,
-            hessian_factor: None,
-            windows: &self.A,
-            trust: Trust::CERTAIN,
-        };
+        let problem = self.A.problem(&self.rows, &lo, &hi, &free);
         let (status, _) = way_out(&problem, &mut z, &mut w);
         z.truncate(r);
         (status, z)

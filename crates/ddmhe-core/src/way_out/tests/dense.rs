@@ -1,6 +1,7 @@
 //! Windows by plain loops.
 
-use ddmhe_run::active_set::Windows;
+use crate::own::OwnRows;
+use ddmhe_run::active_set::{LeastDistance, Trust, Windows};
 use faer::Mat;
 
 /// c + A z with c = 0.
@@ -11,5 +12,19 @@ impl Windows for Dense {
         let A = &self.0;
         let along = |i: usize| z.iter().enumerate().map(|(j, z)| A[(i, j)] * z).sum();
         (0..A.nrows()).for_each(|i| w[i] = along(i));
+    }
+}
+
+impl Dense {
+    /// The nearest of these windows to that of z* within bounds; `rows` are those of A.
+    pub fn problem<'a>(
+        &'a self,
+        rows: &'a OwnRows,
+        lo: &'a [f64],
+        hi: &'a [f64],
+        unconstrained: &'a [f64],
+    ) -> LeastDistance<'a, Dense> {
+        let (rows, hessian_factor, trust) = (rows.rows(), None, Trust::CERTAIN);
+        LeastDistance { rows, lo, hi, unconstrained, hessian_factor, windows: self, trust }
     }
 }
