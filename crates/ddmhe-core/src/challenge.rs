@@ -18,7 +18,7 @@
 
 use crate::defaults::Defaults;
 use crate::history::History;
-use crate::space::Scaling;
+use crate::scaling::Scaling;
 use faer::linalg::solvers::Solve;
 use faer::{Mat, MatRef, Side};
 

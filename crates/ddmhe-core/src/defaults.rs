@@ -6,13 +6,28 @@
 //! noisy one (3-DOF detumbling: 1e-6 to 1e-1), and close to 1 when the recorded x is only part of
 //! the system's state (a gyroscope on a swinging body: 0.8 to 1).
 //!
-//! | setting | rule | reason |
-//! |---|---|---|
-//! | weight | λ = max(0.03 f, 1e-7) μ; 0 when f is rounding | in the coordinates a (see [`space`]) a window is a draw of zero mean and unit variance, and its outputs deviate by a share f of their variance: λ/μ grows like f. The factor and the floor (a curved system leaves the recorded region) are measured |
-//! | rank | all directions above rounding | the weight fades out what the noise has filled; a cut at a rank made 3-DOF estimates diverge on noisy recordings |
-//! | μ | 0.1 in scaled units, 0.1 s_x²/s_y² in those of (17) | measured; 0.1 to 1 do |
-//! | ρ | 0.95 | anything from 0.9 to 0.97 does; 4ρ^M < 1 as in (33) is not aimed at: the rule seeks accuracy, a certificate contraction |
-//! | M | 20 + f (M₁ - 20), M₁ the longest horizon with 0.4 T windows left (0.6 T in one recording), at most 100 | a complete state needs a few samples; hidden parts must be read off the outputs' past |
+//! | setting | rule |
+//! |---|---|
+//! | weight | λ = max(0.03 f, 1e-7) μ; 0 when f is rounding |
+//! | rank | all directions above rounding |
+//! | μ | 0.1 in scaled units, 0.1 s_x²/s_y² in those of (17) |
+//! | ρ | 0.95 |
+//! | M | 20 + f (M₁ - 20), at most 100 |
+//!
+//! *Weight.* In the coordinates a (see [`space`](crate::space)) a window is a draw of zero mean and
+//! unit variance, and its outputs deviate by a share f of their variance: λ/μ grows like f. The
+//! factor and the floor (a curved system leaves the recorded region) are measured.
+//!
+//! *Rank.* The weight fades out what the noise has filled; a cut at a rank made 3-DOF estimates
+//! diverge on noisy recordings.
+//!
+//! *μ* is measured; 0.1 to 1 do.
+//!
+//! *ρ.* Anything from 0.9 to 0.97 does. The rule does not aim at 4ρ^M < 1 as in (33): it seeks
+//! accuracy, a certificate contraction.
+//!
+//! *Horizon.* M₁ is the longest horizon with 0.4 T windows left (0.6 T in one recording). A
+//! complete state needs a few samples; hidden parts must be read off the outputs' past.
 //!
 //! With f at rounding level the weight is zero and the space exact. n + 1 samples are fitted by
 //! some affine model whatever they are: without degrees of freedom f counts as 1. Should the map
@@ -29,7 +44,8 @@
 use crate::config::Config;
 use crate::error::Error;
 use crate::history::History;
-use crate::space::{self, Penalty, Scaling, Selection};
+use crate::scaling::{Scaling, shared};
+use crate::space::{Penalty, Selection};
 use crate::variation::{fifth_differences, one_step};
 
 /// λ / (f μ).
@@ -79,8 +95,7 @@ impl Defaults {
     /// Applies the rule.
     ///
     /// `rest` is a known equilibrium (x_e, y_e); on a noisy recording it counts as part of the
-    /// data, as in
-    /// [`space`].
+    /// data, as in [`space`](crate::space).
     pub fn new(history: &History, scaling: &Scaling, rest: Option<(&[f64], &[f64])>) -> Self {
         let [f_x, f_y] = misfit(&scaling.one_step, scaling);
         let [noise_x, noise_y] = relative_noise(history, scaling);
@@ -175,7 +190,7 @@ fn relative_noise(history: &History, scaling: &Scaling) -> [f64; 2] {
             .map(|i| fifth_differences(history, signal, (i, units.len())))
             .collect();
         let variance: Vec<f64> = units.iter().map(|unit| unit * unit).collect();
-        let (noise, variance) = (space::shared(&noise, groups), space::shared(&variance, groups));
+        let (noise, variance) = (shared(&noise, groups), shared(&variance, groups));
         let ratios = noise.iter().zip(&variance).map(|(noise, variance)| noise / variance);
         (ratios.sum::<f64>() / units.len() as f64).sqrt()
     };

@@ -1,14 +1,16 @@
 //! What an estimator computes at construction: settings, weights and the problems of all depths.
 
-use crate::certificate::{ErrorBound, smallest_contracting};
+use crate::certificate::smallest_contracting;
 use crate::challenge::challenge;
 use crate::config::{Bounds, Center, Config, Settings, Start, Weighting, validate};
 use crate::defaults::Defaults;
 use crate::error::Error;
+use crate::error_bound::ErrorBound;
 use crate::excitation::check_excitation;
 use crate::history::History;
 use crate::plan_builder::{Draft, Ground, Prepared, factorisation};
-use crate::space::{Penalty, Scaling, Selection, Space, WindowStack};
+use crate::scaling::Scaling;
+use crate::space::{Penalty, Selection, Space, WindowStack};
 use crate::tol;
 use crate::watch::Watch;
 use crate::weights::Weights;

@@ -25,14 +25,15 @@
 //! (16b) as mean + basis) → `reduction` (one QR: a least-distance problem) → `plan_builder` (the
 //! numbers of one depth, as a step reads them) → `mhe` ([`DdMhe`]: Algorithm 1) → `estimate`
 //! ([`Estimate`]). What is computed at construction is a `design`, which copies of an estimator
-//! share; `many` runs them on all cores. A step itself is the crate [`ddmhe_run`], which needs
-//! neither this one nor the standard library: [`DdMhe::plan`] makes bytes for it.
+//! share, and what changes from step to step a `run`; `many` runs them on all cores. A step itself
+//! is the crate [`ddmhe_run`], which needs neither this one nor the standard library:
+//! [`DdMhe::plan`] makes bytes for it.
 //!
 //! [`Certificate`] replaces the scalar weights by matrices for which the error is known to shrink,
-//! and bounds it step by step. What [`ddmhe_run`] is not certain of, `way_out` decides: it checks
-//! what Clarabel proposes; no file but `qp` names that. `watch` looks at single channels: at rest
-//! in the recording, or an angle that jumps by a turn. [`defaults`] is the rule for settings that
-//! are not given; [`tol`] holds every tolerance with its reason.
+//! and `error_bound` bounds it step by step. What [`ddmhe_run`] is not certain of, `way_out`
+//! decides: it checks what Clarabel proposes; no file but `qp` names that. `watch` looks at single
+//! channels: at rest in the recording, or an angle that jumps by a turn. [`defaults`] is the rule
+//! for settings that are not given; [`tol`] holds every tolerance with its reason.
 //!
 //! The second method, a guaranteed interval around a state, is the crate `ddmhe-interval`, whose
 //! names are re-exported here: [`interval`], [`Zonotope`], [`observer`] ([`IntervalObserver`]).
@@ -44,17 +45,21 @@
 //!
 //! | symbol | identifier | shape | unit | equation |
 //! |---|---|---|---|---|
-//! | x̂(t-m) … x̂(t) | [`Estimate::window`], the last of them [`Estimate::x`] | (m+1)·n | of x | (16c) |
+//! | x̂(t-m) … x̂(t) | [`Estimate::window`], its end [`Estimate::x`] | (m+1)·n | of x | (16c) |
 //! | v̂(t-m) … v̂(t-1) | [`Estimate::v`] | m·p | of y | (16d) |
-//! | x̄(t-m) | [`ddmhe_run::problem::Data::prior`] | n | scaled | (17) |
+//! | x̄(t-m) | [`Data::prior`] | n | scaled | (17) |
 //! | ρ, μ | [`Config::rho`], [`Config::mu`] | | none, (of x / of y)² | (17) |
-//! | P, R, η | [`Certificate`]: in the place of I, μ I, ρ | n × n, p × p | | (17) |
-//! | the columns of the stacked Hankel matrices | `space::WindowStack::rows`, as rows | N × (1+d) | scaled | (16b) |
-//! | c, B: w = c + B b for every window w | [`TrajectorySpace`]: mean, basis | d, d × r | scaled | (16b) |
+//! | P, R, η: in the place of I, μ I, ρ | [`Certificate`] | n × n, p × p | | (17) |
+//! | stacked Hankel matrices | `WindowStack::rows`, transposed | N × (1+d) | scaled | (16b) |
+//! | c, B: w = c + B b for every window w | [`TrajectorySpace`] | d, d × r | scaled | (16b) |
 //! | λ on ‖a‖² | [`TrajectorySpace`]: lambda | | none | none |
-//! | F, G: the weighted rows that the cost sees | `reduction::reduce` | (n+m p) × r, r × r | | (17) |
-//! | K, A: z* = K (\[x̄; y\] - c), w = c + A z | `reduction::Reduced` | r × (n+m p), d × r | | (16), (17) |
-//! | z*, z: the minimiser without and with bounds | [`ddmhe_run::problem::Scratch`]: unconstrained, z | r | | (16) |
+//! | F, G: weighted rows that the cost sees | `reduction` | (n+m p) × r, r × r | | (17) |
+//! | K: z* = K (\[x̄; y\] - c) | `reduction::Reduced` | r × (n+m p) | | (16), (17) |
+//! | A: w = c + A z | `reduction::Reduced` | d × r | | (16b) |
+//! | z*, z: without and with bounds | [`Scratch`]: unconstrained, z | r | | (16) |
+//!
+//! [`Data::prior`]: ddmhe_run::problem::Data::prior
+//! [`Scratch`]: ddmhe_run::problem::Scratch
 //!
 //! # Example
 //! ```
@@ -84,8 +89,10 @@ mod challenge;
 mod config;
 pub mod defaults;
 mod design;
+mod error_bound;
 mod estimate;
 mod excitation;
+mod fallback;
 mod filter;
 mod hankel;
 mod history;
@@ -96,6 +103,8 @@ mod own;
 mod plan_builder;
 mod qp;
 mod reduction;
+mod run;
+mod scaling;
 pub mod snapshot;
 pub mod space;
 mod start;
@@ -123,6 +132,7 @@ pub use history::History;
 pub use interrupt::Interrupt;
 pub use many::{run_copies, run_many, run_recordings};
 pub use mhe::DdMhe;
-pub use space::{Scaling, Space, TrajectorySpace};
+pub use scaling::Scaling;
+pub use space::{Space, TrajectorySpace};
 pub use variation::noise_levels;
 pub use watch::wrapped_angle;

@@ -4,7 +4,8 @@
 use crate::config::Bounds;
 use crate::error::Error;
 use crate::reduction::{Reduced, reduce};
-use crate::space::{Scaling, TrajectorySpace};
+use crate::scaling::Scaling;
+use crate::space::TrajectorySpace;
 use crate::surplus::Surplus;
 use crate::tol;
 use crate::weights::Weights;

@@ -5,13 +5,12 @@
 //! computed from them is computed again on [`DdMhe::restore`], so that a restored estimator
 //! continues with the same numbers.
 
-use crate::config::{Config, Start};
+use crate::config::Config;
 use crate::error::Error;
 use crate::estimate::Estimate;
 use crate::history::History;
 use crate::mhe::DdMhe;
-use crate::watch::Seen;
-use ddmhe_run::active_set::ActiveBound;
+use crate::run::Saved;
 use serde::{Deserialize, Serialize};
 
 pub use ddmhe_interval::blob::{Kind, from_bytes, to_bytes};
@@ -20,35 +19,14 @@ pub use ddmhe_interval::blob::{Kind, from_bytes, to_bytes};
 struct Snapshot {
     history: History,
     config: Config,
-    outputs: Vec<f64>,
-    states: Vec<f64>,
-    bounds: Vec<f64>,
-    active: Vec<(usize, f64)>, // rows and sides of the active bounds
-    moves: bool,
-    seen: Seen,
-    start: Start, // of the run, which reset may have changed
-    t: usize,
-    estimate: Estimate,
+    run: Saved,
 }
 
 impl DdMhe {
     /// The estimator as bytes, for [`restore`](Self::restore).
     pub fn snapshot(&self) -> Vec<u8> {
-        let (outputs, states) = self.window();
-        let (active, moves) = self.active_bounds();
-        let snapshot = Snapshot {
-            history: self.history().clone(),
-            config: self.config().clone(),
-            outputs: outputs.to_vec(),
-            states: states.to_vec(),
-            bounds: self.bounds().to_vec(),
-            active: active.iter().map(|side| (side.row, side.sign)).collect(),
-            moves,
-            seen: self.seen().clone(),
-            start: self.start(),
-            t: self.t(),
-            estimate: self.estimate().clone(),
-        };
+        let (history, config) = (self.history().clone(), self.config().clone());
+        let snapshot = Snapshot { history, config, run: self.saved() };
         to_bytes(Kind::Estimator, &snapshot)
     }
 
@@ -60,15 +38,7 @@ impl DdMhe {
         let snapshot: Snapshot = from_bytes(Kind::Estimator, blob)?;
         let history = snapshot.history.revalidated()?;
         let mut mhe = DdMhe::new(&history, snapshot.config)?;
-        mhe.prepare(snapshot.start)?;
-        let active = snapshot.active.iter().map(|&(row, sign)| ActiveBound { row, sign });
-        mhe.resume(
-            (&snapshot.outputs, &snapshot.states),
-            snapshot.bounds,
-            (active.collect(), snapshot.moves),
-            (snapshot.t, snapshot.estimate),
-        )?;
-        mhe.recall(snapshot.seen)?;
+        mhe.resume(snapshot.run)?;
         Ok(mhe)
     }
 }

@@ -22,7 +22,7 @@ use crate::design::Design;
 use crate::error::Error;
 use crate::history::History;
 use crate::plan_builder::{Draft, Prepared, factorisation};
-use crate::space::Scaling;
+use crate::scaling::Scaling;
 use crate::tol;
 use crate::weights::Weights;
 

@@ -13,19 +13,14 @@
 //! minimiser of a problem whose bounds and z* are moved by so much, and its distance to z* is the
 //! smallest up to so much.
 
-use crate::design::Design;
 use crate::own::OwnSet;
-use crate::plan_builder::Prepared;
 use crate::qp;
 use crate::tol;
-use crate::weights::Weights;
 use ddmhe_run::Status;
 use ddmhe_run::active_set::{
-    ActiveBound, Combination, LeastDistance, Outcome, Trust, Windows, WorkingSet, solve_lower,
+    ActiveBound, Combination, LeastDistance, Outcome, Trust, Windows, solve_lower,
     solve_transposed, work_len,
 };
-use ddmhe_run::fallback::{self, Fallback};
-use ddmhe_run::problem::{Data, Scratch, WindowSolution};
 use faer::Mat;
 
 /// The bounded rows, in coordinates t in which the Hessian is the identity.
@@ -85,54 +80,6 @@ struct Point {
     sides: Vec<ActiveBound>,
     multipliers: Vec<f64>,
     t: Vec<f64>,
-}
-
-/// What a step on the ground has beside the methods of [`ddmhe_run`].
-pub(crate) struct Fallbacks<'a> {
-    pub design: &'a Design,
-    pub weights: &'a Weights, // that the problem was made with
-    pub prepared: &'a Prepared,
-}
-
-impl Fallback for Fallbacks<'_> {
-    #[inline(always)]
-    fn vectorised<R>(&self, f: impl FnOnce() -> R) -> R {
-        self.design.units.dispatch(f)
-    }
-
-    fn decide<W: Windows>(
-        &self,
-        problem: &LeastDistance<'_, W>,
-        z: &mut [f64],
-        w: &mut [f64],
-    ) -> (Status, u32) {
-        way_out(problem, z, w)
-    }
-
-    fn two_stages<W: Windows>(
-        &self,
-        problem: &LeastDistance<'_, W>,
-        room: (&mut WorkingSet<'_>, &mut [f64]),
-        z: &mut [f64],
-        w: &mut [f64],
-    ) -> (Status, u32) {
-        match &self.prepared.surplus {
-            Some(surplus) => surplus.solve(problem, self, room, z, w),
-            None => fallback::decide(problem, self, room, z, w),
-        }
-    }
-
-    #[cold]
-    fn anew(
-        &self,
-        data: &Data<'_>,
-        room: (&mut WorkingSet<'_>, &mut Scratch<'_>),
-        answer: (&mut [f64], &mut [f64]),
-    ) -> Option<WindowSolution> {
-        let made = self.design.without_missing(self.prepared, self.weights, data.outputs).ok()?;
-        let fallback = Fallbacks { prepared: &made, ..*self };
-        made.problem().solve(&fallback, data, room, answer)
-    }
 }
 
 /// Into z and its window w: the answer, or z* with its window if there is none.

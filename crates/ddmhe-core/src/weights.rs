@@ -4,7 +4,7 @@ use crate::certificate::{Certificate, factor};
 use crate::config::{Config, Weighting};
 use crate::defaults::Defaults;
 use crate::error::Error;
-use crate::space::Scaling;
+use crate::scaling::Scaling;
 use ddmhe_run::reweight::reduced;
 use faer::{Mat, Side};
 use std::borrow::Cow;

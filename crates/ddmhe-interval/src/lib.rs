@@ -21,10 +21,10 @@
 //!
 //! | symbol | identifier | shape | equation |
 //! |---|---|---|---|
-//! | x̂ | `observer::error_zonotope::ErrorSet::center` | n | (19) |
-//! | M: e in ⟨0, M⟩ | `observer::error_zonotope::ErrorSet::generators`, by columns | n × q | (45)-(50) |
+//! | x̂ | `ErrorSet::center` | n | (19) |
+//! | M: e in ⟨0, M⟩ | `ErrorSet::generators`, by columns | n × q | (45)-(50) |
 //! | Ã = A - L C | `error_map` | n × n | (20) |
-//! | √V̄ | `observer::level::LevelSet::distance` | | (41) |
+//! | √V̄ | `LevelSet::distance` | | (41) |
 //! | P, L, λ, γ, μ_w, μ_v | [`observer::Gain`] | n × n, n × p | (41), (23) |
 //!
 //! # Example
@@ -54,8 +54,9 @@
 //!     ..Gain::default()
 //! };
 //! let start = (&[0.98, 0.02], &[0.1, 1.0]);
+//! let plant = Pendulum { gain: h };
 //! let mut observer =
-//!     IntervalObserver::new(Pendulum { gain: h }, system, gain, start.0, start.1, Options::default())?;
+//!     IntervalObserver::new(plant, system, gain, start.0, start.1, Options::default())?;
 //! let mut x = [1.0_f64, 0.0];
 //! for _ in 0..50 {
 //!     let y = x[0];

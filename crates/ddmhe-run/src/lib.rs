@@ -33,9 +33,10 @@
 //!
 //! # A tour
 //! [`layout`] (where a row is) → [`plan`] (the numbers) → [`problem`] (one window's) → `window`
-//! (Eq. (16) for it, with `bounds`, `cost` and [`reweight`]: outputs that are lost) → [`active_set`]
-//! (active bounds) → [`memory`] (the sliding window) → [`stepper`] (Algorithm 1). [`panels`] are
-//! the products, [`tol`] every tolerance. [`fallback`] is where a ground station's solver comes in.
+//! (Eq. (16) for it, with `bounds`, `cost` and [`reweight`]: outputs that are lost) →
+//! [`active_set`] (active bounds) → [`memory`] (the sliding window) → [`stepper`] (Algorithm 1).
+//! [`panels`] are the products, [`tol`] every tolerance. [`fallback`] is where a ground station's
+//! solver comes in.
 
 #![no_std]
 

@@ -1,8 +1,8 @@
 //! A downdate against a problem made for the outputs that are left.
 
 use crate::design::Design;
+use crate::fallback::Fallbacks;
 use crate::plan_builder::Prepared;
-use crate::way_out::Fallbacks;
 use crate::{Bounds, Certificate, Config, History, Space};
 use ddmhe_run::memory::{Memory, Parts, memory_len};
 use ddmhe_run::problem::Data;

@@ -1,0 +1,58 @@
+//! What a step has on the ground and not in flight: see [`ddmhe_run::fallback`].
+
+use crate::design::Design;
+use crate::plan_builder::Prepared;
+use crate::way_out::way_out;
+use crate::weights::Weights;
+use ddmhe_run::Status;
+use ddmhe_run::active_set::{LeastDistance, Windows, WorkingSet};
+use ddmhe_run::fallback::{self, Fallback};
+use ddmhe_run::problem::{Data, Scratch, WindowSolution};
+
+/// What a step on the ground has beside the methods of [`ddmhe_run`].
+pub(crate) struct Fallbacks<'a> {
+    pub design: &'a Design,
+    pub weights: &'a Weights, // that the problem was made with
+    pub prepared: &'a Prepared,
+}
+
+impl Fallback for Fallbacks<'_> {
+    #[inline(always)]
+    fn vectorised<R>(&self, f: impl FnOnce() -> R) -> R {
+        self.design.units.dispatch(f)
+    }
+
+    fn decide<W: Windows>(
+        &self,
+        problem: &LeastDistance<'_, W>,
+        z: &mut [f64],
+        w: &mut [f64],
+    ) -> (Status, u32) {
+        way_out(problem, z, w)
+    }
+
+    fn two_stages<W: Windows>(
+        &self,
+        problem: &LeastDistance<'_, W>,
+        room: (&mut WorkingSet<'_>, &mut [f64]),
+        z: &mut [f64],
+        w: &mut [f64],
+    ) -> (Status, u32) {
+        match &self.prepared.surplus {
+            Some(surplus) => surplus.solve(problem, self, room, z, w),
+            None => fallback::decide(problem, self, room, z, w),
+        }
+    }
+
+    #[cold]
+    fn anew(
+        &self,
+        data: &Data<'_>,
+        room: (&mut WorkingSet<'_>, &mut Scratch<'_>),
+        answer: (&mut [f64], &mut [f64]),
+    ) -> Option<WindowSolution> {
+        let made = self.design.without_missing(self.prepared, self.weights, data.outputs).ok()?;
+        let fallback = Fallbacks { prepared: &made, ..*self };
+        made.problem().solve(&fallback, data, room, answer)
+    }
+}

@@ -1,0 +1,264 @@
+//! One run of an estimator: what changes from step to step, and the step itself, on checked input.
+//!
+//! A step is a [`Pass`] of [`ddmhe_run::stepper`], which tells what becomes of windows without a
+//! minimiser. What a step of that crate cannot do in flight, [`Fallbacks`] does here.
+
+use crate::config::{Bounds, Start, check_measured};
+use crate::design::{Design, filled, first_window};
+use crate::error::Error;
+use crate::error_bound::ErrorBound;
+use crate::estimate::Estimate;
+use crate::fallback::Fallbacks;
+use crate::history::check_finite;
+use crate::plan_builder::Prepared;
+use crate::start::Opening;
+use crate::watch::Seen;
+use crate::weights::Weights;
+use ddmhe_run::active_set::ActiveBound;
+use ddmhe_run::layout::Layout;
+use ddmhe_run::memory::{Memory, memory_len};
+use ddmhe_run::plan::Limits;
+use ddmhe_run::problem::WindowSolution;
+use ddmhe_run::stepper::{Answer, Found, Pass, smooth};
+use serde::{Deserialize, Serialize};
+
+/// The state of a run.
+pub(crate) struct Run {
+    pub start: Start,
+    pub bound: Option<ErrorBound>,
+    /// y(t-M_t) … y(t-1), x̂(t-M_t) … x̂(t) and room for a step.
+    pub memory: Memory<Vec<f64>>,
+    /// What the outputs did that they never did in the recording.
+    pub seen: Seen,
+    pub t: usize,
+    pub estimate: Estimate,
+}
+
+/// What a run is continued from in another process.
+#[derive(Serialize, Deserialize)]
+pub(crate) struct Saved {
+    outputs: Vec<f64>,
+    states: Vec<f64>,
+    bounds: Vec<f64>,
+    active: Vec<(usize, f64)>, // rows and sides of the active bounds
+    moves: bool,
+    seen: Seen,
+    pub start: Start, // of the run, which reset may have changed
+    t: usize,
+    estimate: Estimate,
+}
+
+impl Run {
+    /// With room for all windows of a design, and nothing in it before [`restart`](Self::restart).
+    pub fn new(design: &Design, start: Start) -> Self {
+        let sizes = design.ground.sizes();
+        Run {
+            start,
+            bound: design.bound.clone(),
+            memory: Memory::new(sizes, vec![0.0; memory_len(sizes)]),
+            seen: Seen::default(),
+            t: 0,
+            estimate: Estimate::default(),
+        }
+    }
+
+    /// A copy that goes on by itself.
+    pub fn copy(&self, design: &Design) -> Self {
+        let mut copy = Run {
+            start: self.start,
+            bound: self.bound.clone(),
+            memory: self.memory.clone(),
+            seen: self.seen.clone(),
+            t: self.t,
+            estimate: self.estimate.clone(),
+        };
+        copy.reserve(design); // a copied vector has no room to grow
+        copy
+    }
+
+    /// The state of a new estimator; nothing of what was before may reach a later number.
+    pub fn restart(&mut self, design: &Design, x_prior: Option<&[f64]>) {
+        let (history, scaling) = (&design.history, &design.scaling);
+        self.t = 0;
+        self.estimate = Estimate::default();
+        self.seen = design.watch.start();
+        self.reserve(design);
+        let filled = filled(history, self.start, design.settings.horizon);
+        let (states, outputs) = first_window(history, scaling, self.start, filled, x_prior);
+        self.refill(design, &outputs, &states);
+        if let Some(bound) = &mut self.bound {
+            bound.restart(filled + 1);
+        }
+    }
+
+    /// What [`resume`](Self::resume) continues from.
+    pub fn saved(&self) -> Saved {
+        Saved {
+            outputs: self.memory.outputs().to_vec(),
+            states: self.memory.states().to_vec(),
+            bounds: self.bound.as_ref().map_or(&[][..], ErrorBound::errors).to_vec(),
+            active: self.memory.active().map(|side| (side.row, side.sign)).collect(),
+            moves: self.memory.moves(),
+            seen: self.seen.clone(),
+            start: self.start,
+            t: self.t,
+            estimate: self.estimate.clone(),
+        }
+    }
+
+    /// Continues a saved run from the same start.
+    pub fn resume(&mut self, design: &Design, saved: Saved) -> Result<(), Error> {
+        let Saved { outputs, states, bounds, moves, seen, t, estimate, .. } = saved;
+        let (n, p) = (design.history.n(), design.history.p());
+        let samples = outputs.len() / p;
+        let active = saved.active.iter().map(|&(row, sign)| ActiveBound { row, sign });
+        let active: Vec<ActiveBound> = active.collect();
+        let fits = samples <= design.settings.horizon
+            && outputs.len() == samples * p
+            && states.len() == (samples + 1) * n
+            && bounds.len() == if self.bound.is_some() { samples + 1 } else { 0 }
+            && bounds.iter().all(|e| *e >= 0.0)
+            && t < usize::MAX / 2
+            && estimate.fits(n, p)
+            && estimate.v.len() <= design.settings.horizon * p
+            && (active.is_empty() || design.problem(samples).allows(&active));
+        if !fits || !design.reaches(samples + 1) {
+            return Err(Error::value(
+                "blob",
+                "a window that fits the horizon",
+                format!("{samples} samples"),
+            ));
+        }
+        check_measured("blob", &outputs, p)?;
+        check_finite("blob", &states, n)?;
+        design.watch.check(&seen)?;
+        self.refill(design, &outputs, &states);
+        self.memory.resume(design.problem(samples).layout().depth, &active, moves);
+        (self.seen, self.t, self.estimate) = (seen, t, estimate);
+        self.reserve(design);
+        if let Some(bound) = &mut self.bound {
+            bound.resume(&bounds);
+        }
+        Ok(())
+    }
+
+    /// Room for the longest window, so that no step allocates.
+    fn reserve(&mut self, design: &Design) {
+        let (n, p) = (design.history.n(), design.history.p());
+        let depth = design.settings.horizon;
+        let Estimate { x, window, v, .. } = &mut self.estimate;
+        x.reserve(n - x.len());
+        window.reserve((depth + 1) * n - window.len());
+        v.reserve(depth * p - v.len());
+        if let Some(bound) = &mut self.bound {
+            bound.reserve(depth + 2);
+        }
+    }
+
+    /// A window of other outputs and states.
+    fn refill(&mut self, design: &Design, outputs: &[f64], states: &[f64]) {
+        self.memory.clear();
+        for x in states.chunks_exact(design.history.n()) {
+            self.memory.push_state(x.iter().copied());
+        }
+        for y in outputs.chunks_exact(design.history.p()) {
+            self.memory.push_output(y.iter().copied());
+        }
+    }
+
+    /// One pass of Algorithm 1's loop, on checked input: nothing can go wrong that is not a status.
+    #[inline]
+    pub fn advance(
+        &mut self,
+        design: &Design,
+        opening: Option<&Opening>,
+        y: &[f64],
+        x_bounds: Option<&Bounds>,
+    ) -> &Estimate {
+        let horizon = design.settings.horizon;
+        if self.memory.len() == horizon {
+            self.memory.forget();
+            if let Some(bound) = &mut self.bound {
+                bound.forget();
+            }
+        }
+        let outputs = self.memory.len() + 1;
+        // the window of this step holds all outputs of a run from an unknown state
+        let opening = opening.filter(|_| self.start == Start::Unknown && self.t < horizon);
+        let (prepared, weights) = problem(design, opening, outputs);
+        let layout = prepared.layout();
+        let estimate = &mut self.estimate;
+        if estimate.v.len() != layout.outputs_len() {
+            fit(estimate, layout);
+        }
+        let Estimate { x, window, v, bound: error_bound, .. } = estimate;
+        let mut out = Answer { x, window, v };
+        let fallback = &Fallbacks { design, weights, prepared };
+        let (problem, memory) = (prepared.problem(), &mut self.memory);
+        let x_bounds = x_bounds.map(|bounds| Limits { lo: &bounds.lo, hi: &bounds.hi });
+        let mut pass = Pass { problem, memory, fallback, x_bounds };
+        let found = pass.consume(y, &mut out);
+        match &mut self.bound {
+            None => {
+                pass.hand_out(&found, &mut out, |_, _| {});
+            }
+            Some(bound) => *error_bound = Some(bounded(design, bound, &mut pass, &found, &mut out)),
+        }
+        let WindowSolution { status, cost, active, iterations, .. } = found.solution;
+        (estimate.cost, estimate.status) = (cost, status);
+        (estimate.active, estimate.iterations) = (active, iterations);
+        self.t += 1;
+        design.watch.note(&mut self.seen, y, self.t);
+        if self.start == Start::Unknown && self.t == layout.depth {
+            smooth(&design.ground.shared(), &mut self.memory, &self.estimate.window);
+        }
+        &self.estimate
+    }
+}
+
+/// Room for the windows of another depth.
+#[cold]
+fn fit(estimate: &mut Estimate, layout: Layout) {
+    estimate.x.resize(layout.n, 0.0);
+    estimate.window.resize(layout.states_len(), 0.0);
+    estimate.v.resize(layout.outputs_len(), 0.0);
+}
+
+/// The problem for so many outputs, and the weights that it was made with: that of an unknown start
+/// where the window holds all outputs of the run.
+#[inline(always)]
+fn problem<'a>(
+    design: &'a Design,
+    opening: Option<&'a Opening>,
+    outputs: usize,
+) -> (&'a Prepared, &'a Weights) {
+    let regular = design.problem(outputs);
+    match opening {
+        Some(opening) if regular.layout().depth == outputs => {
+            (&opening.problems[design.place(outputs)], &opening.weights)
+        }
+        _ => (regular, &design.weights),
+    }
+}
+
+/// Hands out what was found, with a bound on ‖x̂(t) - x(t)‖.
+#[cold]
+fn bounded(
+    design: &Design,
+    bound: &mut ErrorBound,
+    pass: &mut Pass<'_, Vec<f64>, Fallbacks<'_>>,
+    found: &Found,
+    out: &mut Answer<'_>,
+) -> f64 {
+    let n = design.history.n();
+    if found.forgot {
+        bound.forget_all();
+    }
+    let (states, outputs) = (pass.memory.past(), pass.memory.window());
+    let past = |k: usize| design.scaling.state(k % n, states[k]);
+    let error = bound.advance(out.window, |k| design.scaling.output(k, outputs[k]), out.v, past);
+    if found.anew {
+        bound.forget_past();
+    }
+    error + pass.hand_out(found, out, |x, inside| bound.moved(|i| inside[i] - x[i]))
+}
