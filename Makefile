@@ -35,6 +35,7 @@ test-long: setup ## the long tests, which `make test` leaves out
 
 lint: rust-components packages ## formatting, clippy, rustdoc, ruff, mypy
 	cargo fmt --all --check
+	cargo fmt --manifest-path tests/no_std/Cargo.toml --check
 	cargo clippy --workspace --all-targets --locked -- -D warnings
 	RUSTDOCFLAGS="-D warnings" cargo doc --no-deps --workspace --exclude ddmhe-py --locked
 	$(PY) -m ruff check

@@ -7,6 +7,7 @@ mod examples;
 mod inputs;
 mod intervals;
 mod linear;
+mod no_std;
 mod plan;
 mod reset;
 mod snapshots;

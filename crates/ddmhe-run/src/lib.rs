@@ -31,6 +31,27 @@
 //! | z*, z | [`problem::Scratch`]: unconstrained, z | r | | (16) |
 //! | 2ρ^m P, R | [`plan::Depth`]: prior; [`plan::Common`]: R | n × n, p × p | scaled | (17) |
 //!
+//! # Embedding
+//! The ground writes `DdMhe::plan()` of `ddmhe-core` to a file. The firmware depends on this crate
+//! with default features (without `std`), and holds the plan where doubles can be read, and as many
+//! numbers as [`Stepper::room`] says of it:
+//!
+//! ```ignore
+//! static PLAN: Aligned<[u8; include_bytes!("plan").len()]> = Aligned(*include_bytes!("plan"));
+//!
+//! let plan = Plan::from_bytes(&PLAN.0)?; // checked once, never copied
+//! let mut memory = [0.0; ROOM]; // on the stack, or wherever it may lie
+//! let mut stepper = Stepper::new(&plan, &mut memory)?;
+//! loop {
+//!     let estimate = stepper.step(&measure()); // NaN: not measured
+//! }
+//! ```
+//!
+//! Estimates are those of the estimator on the ground, bit for bit, wherever this crate alone finds
+//! them: see [`Stepper`]. `tests/no_std` of the repository is such a program, linked without std
+//! and run by the tests, and `tests/rust/no_std.rs` shows by its symbols that it asks for no
+//! allocator. It depends on three crates, all without std: bytemuck, crc32fast and libm.
+//!
 //! # A tour
 //! [`layout`] (where a row is) → [`plan`] (the numbers) → [`problem`] (one window's) → `window`
 //! (Eq. (16) for it, with `bounds`, `cost` and [`reweight`]: outputs that are lost) →
