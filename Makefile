@@ -59,6 +59,7 @@ bench-latency: ## ten million steps: percentiles, the longest, allocations
 
 # An environment of its own: the solvers are many and large.
 bench-peers: wheel ## the same windows through every solver a user could pick; docs/benchmarks.md
+	cargo build --release --locked --workspace --example timed_steps
 	test -d .venv-peers || $(PY) -m venv .venv-peers
 	.venv-peers/bin/pip install --quiet --disable-pip-version-check -r benches/peers/requirements.txt
 	.venv-peers/bin/pip install --quiet --disable-pip-version-check --force-reinstall dist/*.whl

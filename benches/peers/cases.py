@@ -49,7 +49,7 @@ class Case:
     def estimator(self) -> ddmhe.DdMhe:
         """ddmhe with the bounds of this case on states and noise."""
         return ddmhe.DdMhe(
-            ddmhe.History(self.x, self.y),
+            ddmhe.History(self.x, self.y, x_units=["rad/s"], y_units=["rad/s"]),  # one scale each
             horizon=self.horizon,
             rho=RHO,
             mu=self.mu,
@@ -103,6 +103,22 @@ class Case:
         return tight
 
 
+@dataclass
+class InUserUnits:
+    """The same programmes as a step in C makes them: z* = z_0 + K [x̄; y], window c + A (z* + t)."""
+
+    K: Array
+    z_0: Array
+    A: Array
+    c: Array
+    lower: Array
+    """Of all states and of the fitted noise, in this order."""
+    upper: Array
+    prior_weight: float
+    weight: Array
+    """Of the squares of the fitted noise (M p)."""
+
+
 class Reduced:
     """The windows of a case as least-distance problems: A (m, r), lower and upper (steps, m); x
     from t."""
@@ -146,6 +162,18 @@ class Reduced:
         self.lower = np.ascontiguousarray(below - free[:, rows])
         self.upper = np.ascontiguousarray(above - free[:, rows])
         self.window = mean[rows], self.A
+        s_seen, s_rows = np.r_[np.full(n, s_x), np.full(M * p, s_y)], scale[rows]
+        bound = np.r_[np.full(len(x_rows), 1e3), np.full(len(y_rows), v_hi)]
+        self.user = InUserUnits(
+            K=self.gain / s_seen,
+            z_0=-self.gain @ self.offset,
+            A=self.A * s_rows[:, None],
+            c=mean[rows] * s_rows,
+            lower=-bound,
+            upper=bound,
+            prior_weight=2 * RHO**M,
+            weight=case.mu * np.repeat(RHO ** np.arange(M - 1, -1, -1.0), p),
+        )
         self.x_free = free[:, -n:] * s_x
         self.A_x = A[-n:] * s_x
         self.x_hat = case.x_hat[steps - 1]

@@ -37,6 +37,8 @@ class Result:
     active: float
     """Median number of active bounds."""
     nanoseconds: list[float] = field(default_factory=list)
+    rounds: list[list[float]] = field(default_factory=list)
+    """The same, round by round."""
     largest_error: float | None = None
     off: float | None = None
     """Share of windows whose answer is off although success was claimed."""
@@ -136,6 +138,28 @@ def daqp_library(case: Case, directory: Path) -> list[tuple[Result, Block]]:
     return found
 
 
+def daqp_steps(case: Case, directory: Path) -> list[tuple[Result, Block]]:
+    """A whole step in C around DAQP's library, warm and cold, beside ddmhe's from Rust."""
+    library = native.build(directory)
+    rust = Result("ddmhe: a step in Rust", *of(case))
+    found = [(rust, lambda _: native.own(case, directory).tolist())]
+    log = case.run()
+    late = slice(case.steps.start - 1, None)
+    for warm in (True, False):
+        result = Result(f"DAQP: a step in C, {'warm' if warm else 'cold'}", *of(case))
+        x_hat, _, success, _ = native.steps(library, case, warm, 1e-11)
+        judge(
+            result, np.abs(x_hat - log.x[late]).max(1) / np.abs(case.reduced.x_hat).max(), success
+        )
+        found.append(
+            (
+                result,
+                lambda _, warm=warm: native.steps(library, case, warm, 1e-11)[3].tolist(),
+            )
+        )
+    return found
+
+
 def of(case: Case) -> tuple[str, str, float]:
     """Name, regime and median of active bounds."""
     return case.name, case.regime, float(np.median(case.active[case.steps.start - 1 :]))
@@ -148,7 +172,7 @@ def prepared(case: Case, directory: Path, quick: bool) -> list[tuple[Result, Blo
     ]
     absent = []
     try:
-        ready += daqp_library(case, directory)
+        ready += daqp_steps(case, directory) + daqp_library(case, directory)
     except Exception as error:  # whatever is missing: sources, compiler, network
         absent.append(Result("DAQP (C library, 1e-11)", *of(case), note=f"not built: {error}"))
     windows = range(len(case.reduced.lower))
@@ -203,13 +227,43 @@ def table(results: list[Result]) -> list[str]:
             continue
         median, mean = np.median(r.nanoseconds) / 1e3, np.mean(r.nanoseconds) / 1e3
         # run times a whole log at once: it has no distribution over steps
-        p99 = "" if "run" in r.name else f"{np.percentile(r.nanoseconds, 99) / 1e3:.3g}"
+        p99 = (
+            ""
+            if r.name == "ddmhe: run, a step"
+            else f"{np.percentile(r.nanoseconds, 99) / 1e3:.3g}"
+        )
         lines.append(
             f"| {r.name} | {median:.3g} | {mean:.3g} | {p99} | {1e3 * mean / base:.3g} | "
             f"{text(r.largest_error, '.1e')} | {text(r.off, '.0%')} | {text(r.failed, '.0%')} | "
             f"{r.note} |"
         )
     return lines
+
+
+def whole_steps(results: list[Result]) -> list[str]:
+    """Markdown of ddmhe's step over a step in C around DAQP: medians over the rounds of the ratios
+    of means and of 99th percentiles."""
+    lines = [
+        "| | mean, µs | p99, µs | mean / DAQP warm | p99 / DAQP warm | mean / DAQP cold | "
+        "p99 / DAQP cold |",
+        "|---|--:|--:|--:|--:|--:|--:|",
+    ]
+    for ours in (r for r in results if r.name == "ddmhe: a step in Rust"):
+        same = [r for r in results if (r.case, r.regime) == (ours.case, ours.regime)]
+        mine, ratios = each_round(ours), []
+        for start in ("warm", "cold"):
+            theirs = [r for r in same if r.name == f"DAQP: a step in C, {start}"]
+            ratios += [np.median(mine / each_round(r), axis=0) for r in theirs]
+        cells = [f"{v / 1e3:.3g}" for v in np.median(mine, axis=0)]
+        cells += [f"{v:.2f}" for pair in ratios for v in pair]
+        regime = "nothing active" if ours.regime == "free" else "bounds active"
+        lines.append(f"| {ours.case}, {regime} | {' | '.join(cells)} |")
+    return lines
+
+
+def each_round(result: Result) -> Array:
+    """Mean and 99th percentile of each round (rounds, 2)."""
+    return np.array([[np.mean(t), np.percentile(t, 99)] for t in result.rounds])
 
 
 def machine() -> str:
@@ -281,7 +335,9 @@ def main(out: Path, docs: Path | None, rounds: int, quick: bool) -> None:
             ready = prepared(case, out, quick)
             for number in range(rounds):
                 for i in rng.permutation(len(ready)):
-                    ready[i][0].nanoseconds += ready[i][1](number)
+                    times = ready[i][1](number)
+                    ready[i][0].nanoseconds += times
+                    ready[i][0].rounds.append(times)
         results += (found := [result for result, _ in ready])
         active = np.percentile(case.active[case.steps.start - 1 :], [5, 50, 95])
         regime = (
@@ -303,6 +359,10 @@ def main(out: Path, docs: Path | None, rounds: int, quick: bool) -> None:
         f"{facts['machine']}; {facts['date']}; {rounds} rounds, single-threaded.",
         "",
         "Versions: " + ", ".join(f"{k} {v}" for k, v in facts["versions"].items()) + ".",
+        "",
+        "### A whole step in Rust beside one in C around DAQP",
+        "",
+        *whole_steps(results),
         *sections,
     ]
     click.echo("\n".join(body))
