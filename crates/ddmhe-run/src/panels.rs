@@ -70,10 +70,11 @@ impl<'a> Panels<'a> {
     /// out = start + M x, for many rows and few columns: one running sum a row.
     #[inline(always)]
     pub fn tall(self, start: &[f64], x: &[f64], out: &mut [f64]) {
-        let start = start.as_chunks::<WIDTH>().0;
-        let panels = self.data.chunks_exact(self.columns);
-        for ((panel, start), out) in panels.zip(start).zip(out.as_chunks_mut::<WIDTH>().0) {
+        let (start, mut left) = (start.as_chunks::<WIDTH>().0, self.data);
+        for (start, out) in start.iter().zip(out.as_chunks_mut::<WIDTH>().0) {
+            let Some((panel, others)) = left.split_at_checked(self.columns) else { return };
             *out = product::<1>(*start, panel, x);
+            left = others;
         }
     }
 
@@ -81,11 +82,16 @@ impl<'a> Panels<'a> {
     /// not wait for each other.
     #[inline(always)]
     pub fn wide(self, start: &[f64], x: &[f64], y: &[f64], out: &mut [f64]) {
-        let start = start.as_chunks::<WIDTH>().0;
-        let panels = self.data.chunks_exact(self.columns);
-        for ((panel, start), out) in panels.zip(start).zip(out.as_chunks_mut::<WIDTH>().0) {
-            let (first, rest) = panel.split_at(x.len());
-            *out = product::<4>(product::<1>(*start, first, x), rest, y);
+        let (start, mut left) = (start.as_chunks::<WIDTH>().0, self.data);
+        for (start, out) in start.iter().zip(out.as_chunks_mut::<WIDTH>().0) {
+            let Some((panel, others)) = left.split_at_checked(self.columns) else { return };
+            let Some((first, rest)) = panel.split_at_checked(x.len()) else { return };
+            let mut sum = *start;
+            for (column, x) in first.iter().zip(x) {
+                add(&mut sum, column, *x);
+            }
+            *out = product::<4>(sum, rest, y);
+            left = others;
         }
     }
 }
@@ -139,21 +145,70 @@ pub fn axpy(a: f64, x: &[f64], y: &mut [f64]) {
     }
 }
 
-/// The smallest distance of a value to its bounds, negative outside of them; infinite if there is
-/// none. NaN values (not measured) have no bounds.
+/// out = a + b, of equally long vectors.
 #[inline(always)]
-pub fn margin(values: &[f64], lo: &[f64], hi: &[f64]) -> f64 {
-    let mut least = [f64::INFINITY; WIDTH];
+pub fn sum(a: &[f64], b: &[f64], out: &mut [f64]) {
+    let (a_8, b_8) = (a.as_chunks::<WIDTH>().0, b.as_chunks::<WIDTH>().0);
+    let (out_8, rest) = out.as_chunks_mut::<WIDTH>();
+    for ((out, a), b) in out_8.iter_mut().zip(a_8).zip(b_8) {
+        *out = each(*a, *b, |a, b| a + b);
+    }
+    if rest.is_empty() {
+        return;
+    }
+    if let (Some(a), Some(b), Some(out)) = (a.last_chunk(), b.last_chunk(), out.last_chunk_mut()) {
+        *out = each(*a, *b, |a, b| a + b); // the last eight, some of them once more
+        return;
+    }
+    for ((out, a), b) in out.iter_mut().zip(a).zip(b) {
+        *out = a + b;
+    }
+}
+
+/// out = (a - b) c, entry by entry, of equally long vectors.
+#[inline(always)]
+pub fn scaled_difference(a: &[f64], b: &[f64], c: &[f64], out: &mut [f64]) {
+    let scaled = |a, b, c| each(each(a, b, |a, b| a - b), c, |d, c| d * c);
+    let (a_8, b_8) = (a.as_chunks::<WIDTH>().0, b.as_chunks::<WIDTH>().0);
+    let (out_8, rest) = out.as_chunks_mut::<WIDTH>();
+    for (((out, a), b), c) in out_8.iter_mut().zip(a_8).zip(b_8).zip(c.as_chunks::<WIDTH>().0) {
+        *out = scaled(*a, *b, *c);
+    }
+    if rest.is_empty() {
+        return;
+    }
+    if let (Some(a), Some(b), Some(c), Some(out)) =
+        (a.last_chunk(), b.last_chunk(), c.last_chunk(), out.last_chunk_mut())
+    {
+        *out = scaled(*a, *b, *c); // the last eight, some of them once more
+        return;
+    }
+    for (((out, a), b), c) in out.iter_mut().zip(a).zip(b).zip(c) {
+        *out = (a - b) * c;
+    }
+}
+
+/// The smallest distances of values to their bounds, negative outside of them, in eight groups;
+/// infinite where there is none. NaN values (not measured) have no bounds.
+#[inline(always)]
+pub fn margins(values: &[f64], lo: &[f64], hi: &[f64]) -> [f64; WIDTH] {
+    let least = |least, w, l, h| {
+        let above = each(each(w, l, |w, l| w - l), least, smaller);
+        each(each(h, w, |h, w| h - w), above, smaller)
+    };
+    let mut all = [f64::INFINITY; WIDTH];
     let (w, l, h) = (values.as_chunks::<WIDTH>(), lo.as_chunks::<WIDTH>(), hi.as_chunks::<WIDTH>());
     for ((w, l), h) in w.0.iter().zip(l.0).zip(h.0) {
-        least = each(each(*w, *l, |w, l| w - l), least, smaller);
-        least = each(each(*h, *w, |h, w| h - w), least, smaller);
+        all = least(all, *w, *l, *h);
     }
-    // lane after lane: by halves, the loop above would be compiled for half as wide units
-    let mut all = least.into_iter().fold(f64::INFINITY, smaller);
-    let done = w.0.len() * WIDTH;
-    for ((w, l), h) in w.1.iter().zip(&lo[done..]).zip(&hi[done..]) {
-        all = smaller(h - w, smaller(w - l, all));
+    if w.1.is_empty() {
+        return all;
+    }
+    if let (Some(w), Some(l), Some(h)) = (values.last_chunk(), lo.last_chunk(), hi.last_chunk()) {
+        return least(all, *w, *l, *h); // the last eight, some of them once more
+    }
+    for (((all, w), l), h) in all.iter_mut().zip(w.1).zip(l.1).zip(h.1) {
+        *all = smaller(h - w, smaller(w - l, *all));
     }
     all
 }

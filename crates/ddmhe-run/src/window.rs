@@ -19,7 +19,7 @@
 use crate::active_set::problem::{LeastDistance, Trust, Windows};
 use crate::active_set::working_set::WorkingSet;
 use crate::fallback::{Fallback, decide};
-use crate::panels::{WIDTH, each, halve, margin, smaller};
+use crate::panels::{WIDTH, each, halve, margins, scaled_difference, smaller, sum};
 use crate::plan::common::Limits;
 use crate::problem::{Data, Scratch, WindowProblem, WindowSolution};
 use crate::status::Status;
@@ -76,10 +76,11 @@ impl WindowProblem<'_> {
         let own = self.own_box(x, data, s);
         let mut margin = f64::NEG_INFINITY;
         if working.sides.is_empty() {
-            margin = self.margin(own, s, v);
-            if margin > tol::ACTIVE_SET {
+            let margins = self.margins(own, s, v);
+            if margins.iter().fold(true, |inside, margin| inside & (*margin > tol::ACTIVE_SET)) {
                 return Some(optimal(0));
             }
+            margin = margins.into_iter().fold(f64::INFINITY, smaller);
         }
         self.limits(own, data, s);
         if margin >= -tol::FEASIBLE {
@@ -149,19 +150,18 @@ impl WindowProblem<'_> {
         }
     }
 
-    /// The smallest distance of z*'s window to a bound, in units of the rows, or less.
+    /// The smallest distances of z*'s window to its bounds, in units of the rows, or less, in eight
+    /// groups.
     #[inline(always)]
-    fn margin(&self, own: bool, s: &Scratch<'_>, v: &[f64]) -> f64 {
+    fn margins(&self, own: bool, s: &Scratch<'_>, v: &[f64]) -> [f64; WIDTH] {
         let split = self.depth.layout.split();
         let Limits { lo, hi } = self.x_limits;
         let (lo, hi) = if own { (&s.lo[..split], &s.hi[..split]) } else { (lo, hi) };
         let [of_x, of_v] = self.shared.margins;
-        let mut least = of_x.of(margin(&s.window[..split], lo, hi));
-        if let Some(Limits { lo, hi }) = self.shared.v_limits {
-            let noise = of_v.of(margin(v, &lo[..v.len()], &hi[..v.len()]));
-            least = if noise < least { noise } else { least };
-        }
-        least
+        let states = margins(&s.window[..split], lo, hi).map(|margin| of_x.of(margin));
+        let Some(Limits { lo, hi }) = self.shared.v_limits else { return states };
+        let noise = margins(v, &lo[..v.len()], &hi[..v.len()]).map(|margin| of_v.of(margin));
+        each(noise, states, smaller)
     }
 
     /// (16c), (16d): limits of all rows, into the scratch.
@@ -180,19 +180,15 @@ impl WindowProblem<'_> {
     #[inline(always)]
     fn residual(&self, outputs: &[f64], window: &[f64], v: &mut [f64]) {
         let (layout, s_y) = (self.depth.layout, self.shared.scales(self.depth.layout));
-        let fitted = &window[layout.split()..];
-        for (((v, y), w), s) in v.iter_mut().zip(outputs).zip(fitted).zip(s_y) {
-            *v = (y - w) * s;
-        }
+        let fitted = &window[layout.split()..][..outputs.len()];
+        scaled_difference(outputs, fitted, s_y, v);
     }
 
     /// The states of a window, (m+1)·n, in the user's units.
     #[inline(always)]
     fn in_user_units(&self, window: &[f64], states: &mut [f64]) {
         let means = self.shared.means(self.depth.layout);
-        for ((x, w), mean) in states.iter_mut().zip(window).zip(means) {
-            *x = w + mean;
-        }
+        sum(&window[..means.len()], means, states);
     }
 
     /// Whether x̂(t) is a number of at most [`MEASURABLE`](tol::MEASURABLE). What is not finite in
