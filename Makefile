@@ -1,30 +1,34 @@
-# Needs Python >= 3.10 and Rust, nothing else; PYTHON=python3.12 names the interpreter of a new .venv.
+# Needs Python >= 3.10 and Rust, nothing else; PYTHON=python3.12 names the interpreter of a new
+# .venv.
 .DEFAULT_GOAL := help
 .NOTPARALLEL:
-.PHONY: help setup packages demo test test-long lint bench bench-latency bench-peers instructions wheel test-wheel study-defaults study-certificates study-tuning study-promise study-sensitivity study-reproduction study-intervals clean
+.PHONY: help setup packages demo test test-long lint bench bench-latency bench-peers \
+	instructions wheel test-wheel study-defaults study-certificates study-tuning study-promise \
+	study-sensitivity study-reproduction study-intervals clean
 
 PY := .venv/bin/python
 # The build belongs to .venv, whatever environment the shell is in.
 export VIRTUAL_ENV := $(CURDIR)/.venv
 unexport CONDA_PREFIX PYTHONHOME PYTHONPATH
-# Two tests at a time, each with one BLAS thread: BLAS's threads wait for each other by spinning, which takes minutes
-# where there are more of them than cores.
+# Two tests at a time, each with one BLAS thread: BLAS's threads wait for each other by spinning,
+# which takes minutes where there are more of them than cores.
 PYTEST := OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 $(PY) -m pytest -n 2 --dist worksteal
 
 help: ## this list
-	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "make %-15s %s\n", $$1, $$2 }' $(firstword $(MAKEFILE_LIST))
+	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "make %-18s  %s\n", $$1, $$2 }' \
+		$(firstword $(MAKEFILE_LIST))
 
-setup: ## .venv and the compiled core, brought up to date (every target below does what it needs of it)
+setup: ## .venv and the compiled core, brought up to date (the others do what they need of it)
 	@tools/setup.sh
 
 packages:
 	@tools/setup.sh packages
 
-demo: setup ## the main example: estimates, figures and a report in ddmhe-demo/
+demo: setup ## the paper's satellite: an estimate and its figure in ddmhe-demo/
 	$(PY) -m ddmhe demo --out ddmhe-demo
 
-# One profile for the tests, the benches and Python's core, and --workspace, which gives all three the features of the
-# whole workspace: the dependencies are compiled once.
+# One profile for the tests, the benches and Python's core, and --workspace, which gives all three
+# the features of the whole workspace: the dependencies are compiled once.
 test: setup ## all tests: Rust, then Python
 	cargo test --workspace --release --locked
 	$(PYTEST)
@@ -44,8 +48,9 @@ lint: rust-components packages ## formatting, clippy, rustdoc, ruff, mypy
 
 .PHONY: rust-components
 rust-components:
-	@for c in fmt clippy; do cargo $$c --version >/dev/null 2>&1 || \
-		{ echo "ddmhe: 'cargo $$c' is needed, not found (rustup component add rustfmt clippy)" >&2; exit 1; }; done
+	@for c in fmt clippy; do cargo $$c --version >/dev/null 2>&1 || { \
+		echo "ddmhe: 'cargo $$c' is needed, not found (rustup component add rustfmt clippy)" >&2; \
+		exit 1; }; done
 
 bench: setup ## time of the core's operations
 	cargo bench --workspace --locked
@@ -99,5 +104,7 @@ study-reproduction: setup ## every experiment of both papers; docs/claims.md and
 	cp ddmhe-reproduce/tables.md docs/reproduce-tables.md
 
 clean: ## removes everything that was made
-	rm -rf .venv .venv-peers target dist ddmhe-demo ddmhe-design ddmhe-tune ddmhe-reproduce ddmhe-interval python/ddmhe/_core*.so .mypy_cache .pytest_cache .ruff_cache
+	rm -rf .venv .venv-peers target dist python/ddmhe/_core*.so
+	rm -rf ddmhe-demo ddmhe-design ddmhe-tune ddmhe-reproduce ddmhe-interval
+	rm -rf .mypy_cache .pytest_cache .ruff_cache
 	find python tests -name __pycache__ -prune -exec rm -rf {} +

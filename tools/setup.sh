@@ -1,6 +1,7 @@
 #!/bin/sh
-# Brings .venv and the compiled core up to date; quick when they are. `setup.sh packages` leaves out the core.
-# What is up to date is decided by content, since a time of change says nothing after a checkout or an unpacked archive.
+# Brings .venv and the compiled core up to date; quick when they are. `setup.sh packages` leaves
+# out the core. What is up to date is decided by content, since a time of change says nothing after
+# a checkout or an unpacked archive.
 set -eu
 cd "$(dirname "$0")/.."
 
@@ -29,18 +30,22 @@ if [ -n "${PYTHON:-}" ] || ! version_of .venv/bin/python >/dev/null; then
 else
     python=.venv/bin/python
 fi
-version=$(version_of "$python") || fail "Python >= $wanted is needed: '$python' not found (PYTHON=... names another)"
-at_least "$version" "$wanted" || fail "Python >= $wanted is needed: '$python' is $version (PYTHON=... names another)"
+needed="Python >= $wanted is needed (PYTHON=... names another)"
+version=$(version_of "$python") || fail "$needed: '$python' not found"
+at_least "$version" "$wanted" || fail "$needed: '$python' is $version"
 "$python" -c 'import ensurepip, venv' 2>/dev/null ||
-    fail "Python's venv and ensurepip are needed: '$python' ($version) has none (Debian: apt install python3-venv)"
+    fail "Python's venv and ensurepip are needed: '$python' ($version) has none" \
+        "(Debian: apt install python3-venv)"
 
 wanted=$(sed -n 's/^rust-version = "\(.*\)"/\1/p' Cargo.toml)
 for tool in cargo rustc; do
-    found=$("$tool" --version 2>/dev/null) || fail "Rust >= $wanted is needed: no working '$tool' found"
+    found=$("$tool" --version 2>/dev/null) ||
+        fail "Rust >= $wanted is needed: no working '$tool' found"
     found=$(echo "$found" | cut -d' ' -f2)
     at_least "$found" "$wanted" || fail "Rust >= $wanted is needed: $tool is $found"
 done
-command -v cc >/dev/null || fail "a C compiler is needed as Rust's linker: 'cc' not found (Debian: apt install gcc)"
+command -v cc >/dev/null ||
+    fail "a C compiler is needed as Rust's linker: 'cc' not found (Debian: apt install gcc)"
 
 # --- Python packages
 
@@ -59,11 +64,13 @@ fi
 
 # --- the compiled core: the Python sources are used in place, only Rust has to be built
 
-# Everything that a build reads, and the library that it left in the package; .venv points to this folder by its path.
+# Everything that a build reads, and the library that it left in the package; .venv points to this
+# folder by its path.
 state() {
     pwd
     rustc --version
-    find Cargo.toml Cargo.lock pyproject.toml crates tests/rust -type f ! -name '.*' -exec cksum {} +
+    find Cargo.toml Cargo.lock pyproject.toml crates tests/rust -type f ! -name '.*' \
+        -exec cksum {} +
     find benches -name '*.rs' -exec cksum {} +
     find python/ddmhe -name '_core*.so' -exec cksum {} +
 }
@@ -74,7 +81,8 @@ if ! printf '%s\n' "$found" | cmp -s - .venv/built-state; then
     rm -f .venv/built-state
     # Cargo goes by times of change: without this it would keep what it built from a newer file.
     [ ! -d "${CARGO_TARGET_DIR:-target}/release" ] ||
-        cargo clean --quiet --release --locked -p ddmhe-run -p ddmhe-interval -p ddmhe-core -p ddmhe-py
+        cargo clean --quiet --release --locked \
+            -p ddmhe-run -p ddmhe-interval -p ddmhe-core -p ddmhe-py
     # what the package needs is in requirements-dev.txt; pip says of each that it is there
     PIP_QUIET=1 .venv/bin/maturin develop --release --locked
     state >.venv/built-state
