@@ -199,7 +199,7 @@ def test_no_data_make_it_panic_or_lie():
     """Whatever comes: an error that is ours, or numbers; and after M sane samples it is optimal
     again."""
     rng = np.random.default_rng(0)
-    refused = ran = failed = 0
+    refused = ran = failed = optimal = rejected = recovered = 0
     for k in range(250):
         n, p, scale = (
             rng.integers(1, 4),
@@ -221,11 +221,13 @@ def test_no_data_make_it_panic_or_lie():
             try:
                 e = est.step(sample, x_bounds=box)
             except ddmhe.DdmheError:
+                rejected += 1
                 continue
             failed += e.status == "failed"
             assert np.isfinite(e.window).all(), (k, e.status)
             assert np.isfinite(e.x).all()
             if e.status == "optimal":
+                optimal += 1
                 assert np.isfinite(e.cost)
                 assert not np.isinf(e.v).any()
         again = ddmhe.DdMhe.restore(est.snapshot())
@@ -236,6 +238,10 @@ def test_no_data_make_it_panic_or_lie():
             and est.spectral_radius < 1
         ):
             assert est.estimate.status == "optimal", k
+            recovered += 1
     assert ran > 100
     assert refused > 5
     assert failed > 100
+    assert optimal > 1000
+    assert rejected > 20
+    assert recovered > 5

@@ -58,6 +58,7 @@ fn by_run(fold: &Fold, config: &Config) -> Score {
 fn agree(fold: &Fold, configs: &[Config]) {
     let jobs: Vec<(usize, Config)> = configs.iter().map(|config| (0, config.clone())).collect();
     let scores = validate(std::slice::from_ref(fold), &jobs, &mut |_| false).unwrap();
+    assert_eq!(scores.len(), configs.len());
     for (config, score) in configs.iter().zip(scores) {
         let (score, expected) = (score.unwrap(), by_run(fold, config));
         // rounding times the condition of the least determined window: 1e8 at rank 4 of outputs of
