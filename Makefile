@@ -35,6 +35,7 @@ test: setup ## all tests: Rust, then Python
 
 # Many more cases of what the tests hold: minutes, where `make test` takes a sample.
 test-long: setup ## the long tests, which `make test` leaves out
+	cargo test --workspace --release --locked -- --ignored long
 	$(PYTEST) -m long
 
 lint: rust-components packages ## formatting, clippy, rustdoc, ruff, mypy

@@ -4,6 +4,7 @@
 mod allocation;
 mod certificate;
 mod examples;
+mod hostile_plans;
 mod inputs;
 mod intervals;
 mod linear;

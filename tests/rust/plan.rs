@@ -5,7 +5,7 @@ use ddmhe_core::{Bounds, Center, Certificate, Config, DdMhe, Disturbance, Histor
 use ddmhe_run::{Plan, PlanError, Stepper};
 
 /// A plan's bytes where doubles can be, `shift` bytes further on.
-struct Flash {
+pub struct Flash {
     bytes: Vec<u8>,
     first: usize,
     len: usize,
@@ -19,11 +19,11 @@ impl Flash {
         Flash { bytes, first, len: plan.len() }
     }
 
-    fn new(plan: &[u8]) -> Self {
+    pub fn new(plan: &[u8]) -> Self {
         Self::shifted(plan, 0)
     }
 
-    fn read(&self) -> Result<Plan<'_>, PlanError> {
+    pub fn read(&self) -> Result<Plan<'_>, PlanError> {
         Plan::from_bytes(&self.bytes[self.first..self.first + self.len])
     }
 
@@ -56,7 +56,7 @@ fn on_the_ground(mhe: &mut DdMhe, outputs: &[f64]) -> Vec<Step> {
     outputs.chunks_exact(3).map(step).collect()
 }
 
-fn recorded() -> (History, Vec<f64>) {
+pub fn recorded() -> (History, Vec<f64>) {
     let system = modes(2);
     let (x, mut y) = system.simulate(&noise(1, 4, 2.0), 90);
     y.iter_mut().zip(noise(4, 270, 0.05)).for_each(|(y, v)| *y += v);
@@ -87,7 +87,7 @@ fn certified() -> Config {
 }
 
 /// Every kind of problem, from every start.
-fn configs() -> Vec<Config> {
+pub fn configs() -> Vec<Config> {
     let bounded = Config { x_bounds: within(2.0, 4), v_bounds: within(0.1, 3), ..plain() };
     let problems = [
         Config::default(),
@@ -205,13 +205,13 @@ fn an_error_bound_has_no_plan() {
 }
 
 /// A small plan with bounds.
-fn small() -> Vec<u8> {
+pub fn small() -> Vec<u8> {
     let history = modes(1).record(&[1.0, 0.5], 24);
     let config = Config { horizon: Some(3), x_bounds: within(0.3, 2), ..Config::default() };
     DdMhe::new(&history, config).unwrap().plan().unwrap()
 }
 
-fn refused(bytes: &[u8]) -> PlanError {
+pub fn refused(bytes: &[u8]) -> PlanError {
     Flash::new(bytes).read().unwrap_err()
 }
 
@@ -267,41 +267,10 @@ fn too_little_room_is_refused() {
 }
 
 /// The same bytes with the checksum that belongs to them.
-fn sealed(mut plan: Vec<u8>) -> Vec<u8> {
+pub fn sealed(mut plan: Vec<u8>) -> Vec<u8> {
     let sum = f64::from(crc32fast::hash(&[&plan[..24], &plan[32..]].concat()));
     plan[24..32].copy_from_slice(&sum.to_le_bytes());
     plan
-}
-
-/// With a checksum that fits: an error or a stepper that steps, never a panic.
-#[test]
-fn hostile_content_is_harmless() {
-    let plan = small();
-    let values = [0.0, 1.0, 2.0, 3.0, 4.0, 7.0, 31.0, 1e6, 1e7, -1.0, 0.5, 1e300, f64::NAN];
-    let (mut stepped, mut refused) = (0, 0);
-    for at in (4..plan.len() / 8).map(|number| 8 * number) {
-        for value in values {
-            let mut hostile = plan.clone();
-            hostile[at..at + 8].copy_from_slice(&f64::to_le_bytes(value));
-            let flash = Flash::new(&sealed(hostile));
-            match flash.read() {
-                Err(found) => {
-                    assert_eq!(found, PlanError::Sizes);
-                    refused += 1;
-                }
-                Ok(plan) if Stepper::room(&plan) < 1 << 20 => {
-                    let mut memory = vec![0.0; Stepper::room(&plan)];
-                    let Ok(mut stepper) = Stepper::new(&plan, &mut memory) else { continue };
-                    (0..9).for_each(|k| {
-                        let _estimate = stepper.step(&[0.1 * f64::from(k), f64::NAN]);
-                    });
-                    stepped += 1;
-                }
-                Ok(_) => {}
-            }
-        }
-    }
-    assert!(stepped > 500 && refused > 50, "{stepped} {refused}");
 }
 
 #[test]

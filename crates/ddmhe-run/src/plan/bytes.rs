@@ -1,7 +1,6 @@
 //! Plans as bytes, and back.
 
 use crate::layout::Layout;
-use crate::panels::padded;
 use crate::plan::common::{Common, HEADER, Margin, Shared, Sizes};
 use crate::plan::depth::{Depth, HEAD, Kind};
 use core::fmt;
@@ -32,7 +31,7 @@ pub enum PlanError {
     Length,
     /// Changed since they were written.
     Checksum,
-    /// Their sizes contradict each other.
+    /// Their sizes contradict each other, or are more than this machine can count.
     Sizes,
     /// The machine is big-endian.
     Endian,
@@ -91,14 +90,15 @@ impl Common {
         numbers[14..18].copy_from_slice(&margins);
     }
 
-    /// From its numbers, with the blocks.
-    fn read(numbers: &[f64]) -> Option<(Self, [usize; 2])> {
+    /// From its numbers, with the blocks. `largest` is the largest number of this machine's width:
+    /// sizes whose products exceed it are refused before they are multiplied.
+    fn read(numbers: &[f64], largest: u64) -> Option<(Self, [usize; 2])> {
         let mut sizes = [0; 7];
         for (size, number) in sizes.iter_mut().zip(&numbers[4..11]) {
             *size = whole(*number)?;
         }
         let [n, p, horizon, rank, filled, depths, opening] = sizes;
-        let bits = numbers[11];
+        let bits = known_flags(numbers[11])?;
         let sizes = Sizes {
             n,
             p,
@@ -110,7 +110,10 @@ impl Common {
             centered: bit(bits, 2),
             plain_noise: bit(bits, 3),
         };
-        let fits = n > 0 && p > 0 && horizon > 0 && rank > 0 && filled <= horizon && depths > 0;
+        let some = n > 0 && p > 0 && horizon > 0 && rank > 0 && depths > 0;
+        if !some || filled > horizon || !sizes.countable(largest) {
+            return None;
+        }
         let margin = |at: usize| Margin { per_largest: numbers[at], per_smallest: numbers[at + 1] };
         let common = Common {
             rho: numbers[12],
@@ -118,7 +121,7 @@ impl Common {
             margins: [margin(14), margin(16)],
             ..Common::new(sizes)
         };
-        fits.then_some((common, [depths, opening]))
+        Some((common, [depths, opening]))
     }
 }
 
@@ -133,26 +136,37 @@ impl Depth {
     }
 }
 
-/// A size: whole, and small enough that products of three are sizes, too.
+/// A size: whole, and none that a plan could have is larger.
 fn whole(number: f64) -> Option<usize> {
     let size = number as usize;
     ((0.0..=1e6).contains(&number) && size as f64 == number).then_some(size)
 }
 
-/// The block of a depth that begins at `at`.
+/// Flags, if there is none that this version does not know.
+fn known_flags(number: f64) -> Option<f64> {
+    whole(number).filter(|flags| *flags < 16).map(|_| number)
+}
+
+/// The block of a depth that begins at `at`, if it is within the sizes of the plan: its own are
+/// multiplied then, and not before.
 #[inline]
-fn block(numbers: &[f64], at: usize) -> Option<(Depth, &[f64])> {
+fn block<'a>(numbers: &'a [f64], at: usize, sizes: &Sizes) -> Option<(Depth, &'a [f64])> {
     let rest = numbers.get(at..)?;
     let head = rest.get(..HEAD)?;
     let layout = Layout { n: whole(head[0])?, p: whole(head[1])?, depth: whole(head[2])? };
-    let bits = head[4];
+    let (rank, bits) = (whole(head[3])?, known_flags(head[4])?);
+    let Layout { n, p, depth } = layout;
+    let within = n == sizes.n && p == sizes.p && (1..=sizes.horizon).contains(&depth);
+    if !within || !(1..=sizes.rank).contains(&rank) {
+        return None;
+    }
     let kind = Kind {
         centered: bit(bits, 0),
         plain_prior: bit(bits, 1),
         surplus: bit(bits, 2),
         for_pattern: bit(bits, 3),
     };
-    let depth = Depth { prior_weight: head[5], ..Depth::new(layout, whole(head[3])?, kind) };
+    let depth = Depth { prior_weight: head[5], ..Depth::new(layout, rank, kind) };
     Some((depth, rest.get(..depth.len)?))
 }
 
@@ -199,30 +213,36 @@ impl<'a> Plan<'a> {
         if numbers[SUM] != f64::from(checksum(bytes)) {
             return Err(PlanError::Checksum);
         }
-        let (common, [depths, opening]) = Common::read(numbers).ok_or(PlanError::Sizes)?;
+        let largest = usize::MAX as u64;
+        let (common, [depths, opening]) = Common::read(numbers, largest).ok_or(PlanError::Sizes)?;
         let plan = Plan { common, numbers, depths, opening };
         plan.fits().then_some(plan).ok_or(PlanError::Sizes)
     }
 
-    /// Whether the blocks are there and of the sizes that the header says.
+    /// Whether the blocks are there, of the sizes that the header says, and enough for every step of
+    /// a run: the depths ascend from one that a new run's first output fills, to the horizon.
     fn fits(&self) -> bool {
-        let Sizes { n, p, horizon, rank, filled, centered, .. } = self.common.sizes;
-        let (mut at, mut deepest) = (self.common.len, 0);
-        for number in 0..self.depths.saturating_add(self.opening) {
-            let Some((depth, _)) = block(self.numbers, at) else { return false };
-            let Layout { n: states, p: outputs, depth: m } = depth.layout;
-            let after = if number == 0 || number == self.depths { 0 } else { deepest };
-            let sizes = states == n && outputs == p && m > after && m <= horizon;
-            if !sizes || depth.rank > rank || depth.rank == 0 || depth.kind.centered != centered {
+        let Sizes { horizon, rank, filled, centered, .. } = self.common.sizes;
+        let (mut at, mut deepest, mut highest) = (self.common.len, 0, 0);
+        for number in 0..self.depths + self.opening {
+            let Some((depth, _)) = block(self.numbers, at, &self.common.sizes) else {
+                return false;
+            };
+            let (m, rows) = (depth.layout.depth, depth.layout.apart());
+            let first = number == 0 || number == self.depths;
+            let ascends = first || m > deepest;
+            if !ascends || depth.rank > rows || depth.kind.centered != centered {
                 return false;
             }
-            // a run that begins with outputs needs no block of fewer
-            if number == 0 && m > filled + 1 && m != horizon {
+            let late = number == 0 && m > filled + 1;
+            let shallow = number + 1 == self.depths && m != horizon;
+            if late || shallow || depth.kind.for_pattern {
                 return false;
             }
-            (at, deepest) = (at + padded(depth.len), m);
+            at += depth.len;
+            (deepest, highest) = (m, highest.max(depth.rank));
         }
-        at == self.numbers.len() && deepest == horizon
+        at == self.numbers.len() && highest == rank
     }
 }
 
@@ -266,7 +286,7 @@ impl<'a> Plan<'a> {
     pub fn depth(&self, outputs: usize, opening: bool) -> Option<(Depth, &'a [f64])> {
         let (mut at, mut found) = (self.common.len, None);
         for number in 0..self.depths + self.opening {
-            let (depth, own) = block(self.numbers, at)?;
+            let (depth, own) = block(self.numbers, at, &self.common.sizes)?;
             at += depth.len;
             let wanted = match number < self.depths {
                 true => !opening && depth.layout.depth <= outputs,

@@ -1,6 +1,7 @@
 //! What all depths of a plan share.
 
 use crate::layout::Layout;
+use crate::panels::padded;
 
 /// Where an array is in its block.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -38,8 +39,8 @@ pub(crate) struct Cursor(pub usize);
 impl Cursor {
     pub fn take(&mut self, len: usize) -> Span {
         let start = self.0;
-        self.0 = start.saturating_add(len.checked_next_multiple_of(8).unwrap_or(usize::MAX));
-        Span { start, end: start.saturating_add(len) }
+        self.0 += padded(len);
+        Span { start, end: start + len }
     }
 }
 
@@ -91,6 +92,24 @@ pub struct Sizes {
     pub centered: bool,
     /// Whether the weight of the outputs is diagonal.
     pub plain_noise: bool,
+}
+
+impl Sizes {
+    /// Whether a machine whose largest number is `largest` can count what is in the common block, in
+    /// the block of any depth, and in the room for a step, and what is multiplied on the way there.
+    pub fn countable(&self, largest: u64) -> bool {
+        self.at_most().is_some_and(|numbers| numbers <= largest)
+    }
+
+    /// An upper bound on these, None beyond 64 bits. With S rows that a window slides through and r
+    /// directions, each array has at most (S + r)(r + n + p) numbers.
+    fn at_most(&self) -> Option<u64> {
+        let [n, p, M, r] = [self.n, self.p, self.horizon, self.rank].map(|size| size as u64);
+        let channels = n.checked_add(p)?;
+        let samples = M.max(32).checked_mul(2)?.checked_add(2)?;
+        let rows = samples.checked_mul(channels)?.checked_add(r)?.checked_add(16)?;
+        rows.checked_mul(r.checked_add(channels)?.checked_add(16)?)?.checked_mul(16)
+    }
 }
 
 /// What all depths of a plan share, and where.
