@@ -1,7 +1,7 @@
 //! Steps allocate nothing after construction, on every path but the interior-point solver's.
 
-use crate::systems::{modes, noise};
-use ddmhe_core::{Bounds, Center, Certificate, Config, DdMhe, Disturbance, Space};
+use crate::systems::{modes, noise, unit_certificate};
+use ddmhe_core::{Bounds, Center, Config, DdMhe, Disturbance, Space};
 
 /// What 340 steps allocate from the first on, and in how many of them bounds were active.
 fn allocations(config: Config, lost: impl Fn(usize) -> bool) -> (u64, usize) {
@@ -57,17 +57,7 @@ fn no_path_of_a_step_allocates() {
 
 #[test]
 fn no_step_with_an_error_bound_allocates() {
-    let identity = |size: usize| {
-        (0..size * size).map(|k| f64::from(u8::from(k % (size + 1) == 0))).collect::<Vec<_>>()
-    };
-    let certificate = Certificate {
-        P: identity(4),
-        Q: identity(4),
-        R: identity(3),
-        eta: 0.9,
-        growth: Some(1.2),
-        model: None,
-    };
+    let certificate = unit_certificate(4, 3, 0.9);
     let disturbance = Disturbance { initial: 1.0, w: 0.01, v: 0.02 };
     let settings = Config {
         rho: None,

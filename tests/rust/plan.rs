@@ -1,6 +1,6 @@
 //! A plan's steps are its estimator's, bit for bit, and bytes that are no plan are told apart.
 
-use crate::systems::{modes, noise};
+use crate::systems::{modes, noise, unit_certificate};
 use ddmhe_core::{Bounds, Center, Certificate, Config, DdMhe, Disturbance, History, Start, Status};
 use ddmhe_run::{Plan, PlanError, Stepper};
 
@@ -192,10 +192,7 @@ fn an_output_of_another_size_changes_nothing() {
 
 #[test]
 fn an_error_bound_has_no_plan() {
-    let identity =
-        |size: usize| (0..size * size).map(|k| f64::from(u8::from(k % (size + 1) == 0))).collect();
-    let (P, Q, R) = (identity(4), identity(4), identity(3));
-    let certificate = Some(Certificate { P, Q, R, eta: 0.8, growth: Some(1.2), model: None });
+    let certificate = Some(unit_certificate(4, 3, 0.8));
     let disturbance = Some(Disturbance { initial: 1.0, w: 0.01, v: 0.1 });
     let config = Config { certificate, disturbance, ..certified() };
     let exact = modes(2).record(&[1.0, 0.5, -0.3, 0.8], 120);

@@ -1,8 +1,8 @@
 //! A reset estimator is a new one, bit for bit, whatever came before; a copy and a restored one go
 //! on as the original does.
 
-use crate::systems::{modes, noise};
-use ddmhe_core::{Bounds, Center, Certificate, Config, DdMhe, Disturbance, History, Space, Start};
+use crate::systems::{modes, noise, unit_certificate};
+use ddmhe_core::{Bounds, Center, Config, DdMhe, Disturbance, History, Space, Start};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
@@ -16,17 +16,7 @@ fn within(size: f64, width: usize) -> Option<Bounds> {
 fn configs() -> Vec<Config> {
     let plain =
         Config { horizon: Some(DEPTH), rho: Some(0.9), mu: Some(10.0), ..Config::default() };
-    let identity = |size: usize| {
-        (0..size * size).map(|k| f64::from(u8::from(k % (size + 1) == 0))).collect::<Vec<_>>()
-    };
-    let certificate = Certificate {
-        P: identity(4),
-        Q: identity(4),
-        R: identity(3),
-        eta: 0.8,
-        growth: Some(1.2),
-        model: None,
-    };
+    let certificate = unit_certificate(4, 3, 0.8);
     let disturbance = Some(Disturbance { initial: 1.0, w: 0.01, v: 0.1 });
     vec![
         plain.clone(),

@@ -1,6 +1,6 @@
 //! Affine systems x⁺ = A x + e, y = C x + r to record and to estimate.
 
-use ddmhe_core::History;
+use ddmhe_core::{Certificate, History};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
@@ -57,6 +57,14 @@ pub fn modes(blocks: usize) -> System {
         blocks: (0..blocks).map(|i| (1.0 - 0.01 * i as f64, 0.4 + 0.7 * i as f64)).collect(),
         offset: 0.2,
     }
+}
+
+/// P = Q = I (n × n) and R = I (p × p), errors growing by 1.2 a sample without outputs.
+pub fn unit_certificate(n: usize, p: usize, eta: f64) -> Certificate {
+    let identity =
+        |size: usize| (0..size * size).map(|k| f64::from(u8::from(k % (size + 1) == 0))).collect();
+    let (P, Q, R) = (identity(n), identity(n), identity(p));
+    Certificate { P, Q, R, eta, growth: Some(1.2), model: None }
 }
 
 pub fn noise(seed: u64, len: usize, size: f64) -> Vec<f64> {

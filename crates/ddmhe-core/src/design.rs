@@ -8,18 +8,17 @@ use crate::error::Error;
 use crate::error_bound::ErrorBound;
 use crate::excitation::check_excitation;
 use crate::history::History;
+use crate::magnitude::{check_reach, check_ridge, check_scales, check_sizes, check_weights};
 use crate::plan_builder::{Draft, Ground, Prepared, factorisation};
 use crate::scaling::Scaling;
-use crate::space::{Penalty, Selection, Space, WindowStack};
+use crate::space::{Penalty, Selection, Space, TrajectorySpace, WindowStack};
+use crate::start::{Opening, filled, first_window, opening_weights};
 use crate::tol;
 use crate::watch::Watch;
 use crate::weights::Weights;
 use ddmhe_run::layout::Layout;
 use ddmhe_run::plan::{Sizes, kept_depths};
-use std::sync::Arc;
-
-/// One signal of a recording, time-major.
-type Signal = fn(&History, usize) -> &[f64];
+use std::sync::{Arc, OnceLock};
 
 /// What follows from the recording and the settings; shared by the copies of an estimator.
 pub(crate) struct Design {
@@ -29,10 +28,13 @@ pub(crate) struct Design {
     pub weights: Weights,
     pub selection: Selection,
     pub x_bounds: Option<Bounds>,
-    pub units: pulp::Arch,       // the machine's vector units
-    pub ground: Arc<Ground>,     // what all depths share
-    pub problems: Vec<Prepared>, // of the depths that are kept, ascending, the last M
-    place: Vec<usize>,           // in it, of the deepest that so many outputs fill
+    pub opening: OnceLock<Opening>, // once a run starts from an unknown state
+    deepest: TrajectorySpace,       // of the horizon; others are computed where they are needed
+    rest: Option<(Vec<f64>, Vec<f64>)>, // that is part of the data
+    pub units: pulp::Arch,          // the machine's vector units
+    pub ground: Arc<Ground>,        // what all depths share
+    pub problems: Vec<Prepared>,    // of the depths that are kept, ascending, the last M
+    place: Vec<usize>,              // in it, of the deepest that so many outputs fill
     pub spectral_radius: f64,
     pub warnings: Vec<String>,
     pub watch: Watch,
@@ -53,105 +55,59 @@ impl Design {
         start: Start,
         (scaling, rule): (Scaling, Defaults),
     ) -> Result<Self, Error> {
-        let rest = config.rest();
         let weights = Weights::new(config, &rule, &scaling)?;
         check_weights(&weights, config, &scaling)?;
         let horizon = rule.horizon_for(config)?;
         check_excitation(history, horizon)?;
+        let rest = config.rest().filter(|_| rule.noisy);
+        let source = Source {
+            stack: WindowStack::new(history, &scaling, horizon, rest),
+            history,
+            config,
+            scaling: &scaling,
+            weights: &weights,
+            rest,
+        };
+        let deepest = source.deepest(&rule, horizon)?;
+        let open = leaves_all_open(config) && rest.is_none();
+        if open && let Some(other) = challenge(history, &scaling, &rule, deepest.space.lambda) {
+            return Design::by(history, config, start, other);
+        }
+        source.design(start, &rule, deepest)
+    }
 
-        let equilibrium_used = rest.is_some() && rule.noisy;
-        let stack = WindowStack::new(history, &scaling, horizon, rest.filter(|_| equilibrium_used));
-        let centered = config.x_center == Center::History;
-        let problem = |depth: usize, selection: &Selection| {
-            let layout = Layout { n: history.n(), p: history.p(), depth };
-            let (space, bounds) = (stack.space(depth, selection), config.x_bounds.as_ref());
-            Draft::new(layout, space, &scaling, &weights, (bounds, centered), None)
-                .map_err(factorisation)
-        };
-        let mut selection = select(&config.space, &rule, &weights, history.n());
-        let mut deepest = problem(horizon, &selection)?;
-        check_ridge(&weights, config, deepest.space.lambda)?;
-        let mut radius = spectral_radius(&deepest);
-        for _ in 0..tol::GUARD {
-            let guarded = config.space == Space::Auto && !stable(radius);
-            let Some(heavier) = selection.heavier().filter(|_| guarded) else { break };
-            selection = heavier;
-            deepest = problem(horizon, &selection)?;
-            radius = spectral_radius(&deepest);
+    /// Makes the problems of the growing windows of a run from an unknown state, unless they are
+    /// there.
+    pub fn open(&self) -> Result<(), Error> {
+        if self.opening.get().is_some() {
+            return Ok(());
         }
-        let weighting = config.weighting();
-        let open = config.horizon.is_none()
-            && config.rho.is_none()
-            && config.mu.is_none()
-            && config.space == Space::Auto;
-        if open
-            && weighting == Weighting::Scaled
-            && !equilibrium_used
-            && let Some((scaling, rule)) = challenge(history, &scaling, &rule, deepest.space.lambda)
-        {
-            return Design::by(history, config, start, (scaling, rule));
-        }
-        let settings = Settings {
-            horizon,
-            rho: weights.rho,
-            mu: if weighting == Weighting::Scaled {
-                weights.mu()
-            } else {
-                weights.mu_as_printed(&scaling)
-            },
-            weights: weighting,
-            rank: deepest.rank(),
-            lambda: deepest.space.lambda,
-            equilibrium_used,
-        };
-        let filled = filled(history, start, horizon);
-        let depths = depths(config, horizon, filled);
-        let of_depth = |depth: &usize| problem(*depth, &selection);
-        let mut problems = depths[1..].iter().rev().map(of_depth).collect::<Result<Vec<_>, _>>()?;
-        problems.push(deepest);
-        let rank = problems.iter().map(Draft::rank).max().unwrap_or(0);
-        let sizes = Sizes {
-            n: history.n(),
-            p: history.p(),
-            horizon,
-            rank,
-            filled,
-            x_bounded: config.x_bounds.is_some(),
-            v_bounded: config.v_bounds.is_some(),
-            centered,
-            plain_noise: config.certificate.is_none(),
-        };
-        let boxes = (config.x_bounds.as_ref(), config.v_bounds.as_ref());
-        let (states, outputs) =
-            first_window(history, &scaling, start, filled, config.x_prior.as_deref());
-        let ground = Arc::new(Ground::new(sizes, &scaling, &weights, boxes, (&states, &outputs)));
-        let problems: Vec<Prepared> = problems.into_iter().map(|draft| draft.on(&ground)).collect();
-        let (watch, mut words) = Watch::new(history);
-        words.extend(too_little(history, config, &rule, horizon));
-        words.extend(warnings(config, &settings, radius));
-        let bound =
-            ErrorBound::new(config.certificate.as_ref(), config.disturbance.as_ref(), history)
-                .unwrap_or_else(|why| {
-                    words.push(why);
-                    None
-                });
-        Ok(Design {
-            history: history.clone(),
-            warnings: words,
-            watch,
-            bound,
-            x_bounds: config.x_bounds.clone(),
-            units: pulp::Arch::new(),
-            ground,
-            place: places(&problems, horizon),
-            spectral_radius: radius,
-            settings,
-            scaling,
-            weights,
-            selection,
-            problems,
-            centered,
-        })
+        let weights = opening_weights(&self.history, &self.scaling, &self.weights)?;
+        let spaces = self.spaces(self.problems.iter().map(|problem| problem.layout().depth));
+        let draft = |space: &TrajectorySpace| self.draft(space, &weights, None);
+        let drafts = spaces.iter().map(draft).collect::<Result<_, _>>()?;
+        let problems = Draft::all_on(drafts, &self.ground);
+        let _ = self.opening.set(Opening { problems, weights }); // a copy may have been faster
+        Ok(())
+    }
+
+    /// The spaces of some depths, as they were at construction.
+    fn spaces(&self, depths: impl Iterator<Item = usize>) -> Vec<TrajectorySpace> {
+        let rest = self.rest.as_ref().map(|(x, y)| (&x[..], &y[..]));
+        let horizon = self.settings.horizon;
+        let stack = WindowStack::new(&self.history, &self.scaling, horizon, rest);
+        depths.map(|depth| stack.space(depth, &self.selection)).collect()
+    }
+
+    fn draft(
+        &self,
+        space: &TrajectorySpace,
+        weights: &Weights,
+        measured: Option<&[bool]>,
+    ) -> Result<Draft, Error> {
+        let layout = Layout { depth: space.depth, ..self.problems[0].layout() };
+        let bounds = (self.x_bounds.as_ref(), self.centered);
+        Draft::new(layout, space, &self.scaling, weights, bounds, measured).map_err(factorisation)
     }
 
     /// The problem of the deepest window that so many outputs fill.
@@ -178,11 +134,193 @@ impl Design {
         outputs: &[f64],
     ) -> Result<Prepared, Error> {
         let measured: Vec<bool> = outputs.iter().map(|v| v.is_finite()).collect();
-        let (layout, space) = (full.layout(), full.space.clone());
-        let bounds = (self.x_bounds.as_ref(), self.centered);
-        Draft::new(layout, space, &self.scaling, weights, bounds, Some(&measured))
-            .map(|draft| draft.on(&self.ground))
-            .map_err(factorisation)
+        let depth = full.layout().depth;
+        let other = (depth != self.deepest.depth).then(|| self.spaces([depth].into_iter()));
+        let space = other.as_ref().and_then(|spaces| spaces.first()).unwrap_or(&self.deepest);
+        Ok(self.draft(space, weights, Some(&measured))?.on(&self.ground))
+    }
+}
+
+/// What the problems of all depths are made from.
+struct Source<'a> {
+    stack: WindowStack<'a>,
+    history: &'a History,
+    config: &'a Config,
+    scaling: &'a Scaling,
+    weights: &'a Weights,
+    rest: Option<(&'a [f64], &'a [f64])>,
+}
+
+/// The problem of the horizon.
+struct Deepest {
+    space: TrajectorySpace,
+    draft: Draft,
+    selection: Selection,
+    radius: f64,
+}
+
+impl Source<'_> {
+    fn draft(
+        &self,
+        depth: usize,
+        selection: &Selection,
+    ) -> Result<(TrajectorySpace, Draft), Error> {
+        let space = self.stack.space(depth, selection);
+        let draft = self.draft_on(&space, self.weights)?;
+        Ok((space, draft))
+    }
+
+    fn draft_on(&self, space: &TrajectorySpace, weights: &Weights) -> Result<Draft, Error> {
+        let layout = Layout { n: self.history.n(), p: self.history.p(), depth: space.depth };
+        let bounds = (self.config.x_bounds.as_ref(), self.config.x_center == Center::History);
+        Draft::new(layout, space, self.scaling, weights, bounds, None).map_err(factorisation)
+    }
+
+    /// Adds the problems of the growing windows of a run from an unknown state; their weights.
+    fn opening<'s>(
+        &self,
+        spaces: impl Iterator<Item = &'s TrajectorySpace>,
+        drafts: &mut Vec<Draft>,
+    ) -> Result<Weights, Error> {
+        let weights = opening_weights(self.history, self.scaling, self.weights)?;
+        for space in spaces {
+            drafts.push(self.draft_on(space, &weights)?);
+        }
+        Ok(weights)
+    }
+
+    /// With the rule's weight on ‖α‖² raised until errors do not grow.
+    fn deepest(&self, rule: &Defaults, horizon: usize) -> Result<Deepest, Error> {
+        let mut selection = select(&self.config.space, rule, self.weights, self.history.n());
+        let (mut space, mut draft) = self.draft(horizon, &selection)?;
+        check_ridge(self.weights, self.config, space.lambda)?;
+        let mut radius = spectral_radius(&draft);
+        for _ in 0..tol::GUARD {
+            let guarded = self.config.space == Space::Auto && !stable(radius);
+            let Some(heavier) = selection.heavier().filter(|_| guarded) else { break };
+            selection = heavier;
+            (space, draft) = self.draft(horizon, &selection)?;
+            radius = spectral_radius(&draft);
+        }
+        Ok(Deepest { space, draft, selection, radius })
+    }
+
+    fn settings(&self, space: &TrajectorySpace) -> Settings {
+        let Source { config, scaling, weights, .. } = self;
+        Settings {
+            horizon: space.depth,
+            rho: weights.rho,
+            mu: match config.weighting() {
+                Weighting::Scaled => weights.mu(),
+                _ => weights.mu_as_printed(scaling),
+            },
+            weights: config.weighting(),
+            rank: space.rank(),
+            lambda: space.lambda,
+            equilibrium_used: self.rest.is_some(),
+        }
+    }
+
+    /// What all depths share, where a window begins that holds so many outputs.
+    fn ground(&self, start: Start, horizon: usize, filled: usize, rank: usize) -> Arc<Ground> {
+        let Source { history, config, scaling, weights, .. } = *self;
+        let sizes = Sizes {
+            n: history.n(),
+            p: history.p(),
+            horizon,
+            rank,
+            filled,
+            x_bounded: config.x_bounds.is_some(),
+            v_bounded: config.v_bounds.is_some(),
+            centered: config.x_center == Center::History,
+            plain_noise: config.certificate.is_none(),
+        };
+        let boxes = (config.x_bounds.as_ref(), config.v_bounds.as_ref());
+        let x_prior = config.x_prior.as_deref();
+        let (states, outputs) = first_window(history, scaling, start, filled, x_prior);
+        Arc::new(Ground::new(sizes, scaling, weights, boxes, (&states, &outputs)))
+    }
+
+    /// With the problems of the shorter windows too.
+    fn design(self, start: Start, rule: &Defaults, deepest: Deepest) -> Result<Design, Error> {
+        let Source { history, config, .. } = self;
+        let Deepest { space, draft, selection, radius } = deepest;
+        let horizon = space.depth;
+        let filled = filled(history, start, horizon);
+        let shorter = &depths(config, horizon, filled)[1..];
+        let made = shorter.iter().rev().map(|depth| self.draft(*depth, &selection));
+        let (spaces, mut drafts) = made.collect::<Result<(Vec<_>, Vec<_>), _>>()?;
+        drafts.push(draft);
+        let (count, rank) = (drafts.len(), drafts.iter().map(Draft::rank).max().unwrap_or(0));
+        let opening = match start {
+            Start::Unknown => Some(self.opening(spaces.iter().chain([&space]), &mut drafts)?),
+            _ => None,
+        };
+        let (settings, ground) = (self.settings(&space), self.ground(start, horizon, filled, rank));
+        drop((spaces, self.stack));
+        let mut problems = Draft::all_on(drafts, &ground);
+        let growing = problems.split_off(count);
+        let Remarks { watch, bound, warnings } =
+            Remarks::new(history, config, rule, &settings, radius);
+        Ok(Design {
+            history: history.clone(),
+            x_bounds: config.x_bounds.clone(),
+            units: pulp::Arch::new(),
+            opening: opening
+                .map(|weights| Opening { problems: growing, weights }.into())
+                .unwrap_or_default(),
+            rest: self.rest.map(|(x, y)| (x.to_vec(), y.to_vec())),
+            place: places(&problems, horizon),
+            spectral_radius: radius,
+            centered: config.x_center == Center::History,
+            deepest: space,
+            scaling: self.scaling.clone(),
+            weights: self.weights.clone(),
+            ground,
+            settings,
+            selection,
+            problems,
+            watch,
+            bound,
+            warnings,
+        })
+    }
+}
+
+/// Whether the recording may choose the scales too, see [`challenge`].
+fn leaves_all_open(config: &Config) -> bool {
+    config.horizon.is_none()
+        && config.rho.is_none()
+        && config.mu.is_none()
+        && config.space == Space::Auto
+        && config.weighting() == Weighting::Scaled
+}
+
+/// What a run is watched with, and what the recording and the settings give to say.
+struct Remarks {
+    watch: Watch,
+    bound: Option<ErrorBound>,
+    warnings: Vec<String>,
+}
+
+impl Remarks {
+    fn new(
+        history: &History,
+        config: &Config,
+        rule: &Defaults,
+        settings: &Settings,
+        radius: f64,
+    ) -> Self {
+        let (watch, mut words) = Watch::new(history);
+        words.extend(too_little(history, config, rule, settings.horizon));
+        words.extend(warnings(config, settings, radius));
+        let bound =
+            ErrorBound::new(config.certificate.as_ref(), config.disturbance.as_ref(), history)
+                .unwrap_or_else(|why| {
+                    words.push(why);
+                    None
+                });
+        Remarks { watch, bound, warnings: words }
     }
 }
 
@@ -208,30 +346,6 @@ fn places(problems: &[Prepared], horizon: usize) -> Vec<usize> {
         problems.partition_point(|problem| problem.layout().depth <= outputs).saturating_sub(1)
     };
     (0..=horizon).map(deep).collect()
-}
-
-/// States and outputs in the window of a new run, as scaled deviations: the recording's end, the
-/// prior, or the recording's mean.
-pub(crate) fn first_window(
-    history: &History,
-    scaling: &Scaling,
-    start: Start,
-    filled: usize,
-    x_prior: Option<&[f64]>,
-) -> (Vec<f64>, Vec<f64>) {
-    let (n, p, last) = (history.n(), history.p(), history.recordings() - 1);
-    let (x, y) = (history.states(last), history.outputs(last));
-    let mut states = x[x.len() - (filled + 1) * n..].to_vec();
-    match (start, x_prior) {
-        (Start::State, Some(prior)) => states.copy_from_slice(prior),
-        (Start::Unknown, _) => states.copy_from_slice(&scaling.mean_x),
-        _ => {}
-    }
-    let outputs = &y[y.len() - filled * p..];
-    (
-        states.chunks_exact(n).flat_map(|x| scaling.deviations(x, &[])).collect(),
-        outputs.chunks_exact(p).flat_map(|y| scaling.deviations(&[], y)).collect(),
-    )
 }
 
 /// The scales and the rule of checked settings.
@@ -268,111 +382,6 @@ fn too_little(
     })
 }
 
-/// Numbers whose squares and quotients are numbers too; a channel of zeros alone is one that never
-/// moved.
-fn check_sizes(history: &History) -> Result<(), Error> {
-    let (least, most) = tol::SIZES;
-    let fits = |v: &f64| *v == 0.0 || (least..=most).contains(v);
-    for (name, of, width) in
-        [("x", History::states as Signal, history.n()), ("y", History::outputs, history.p())]
-    {
-        let mut largest = vec![0.0_f64; width];
-        for row in (0..history.recordings()).flat_map(|k| of(history, k).chunks_exact(width)) {
-            largest.iter_mut().zip(row).for_each(|(largest, v)| *largest = largest.max(v.abs()));
-        }
-        if let Some(i) = largest.iter().position(|v| !fits(v)) {
-            let expected = format!(
-                "{name}{} of magnitudes between {least:e} and {most:e} (in other units, if need \
-                be)",
-                i + 1
-            );
-            return Err(Error::value("history", expected, largest[i]));
-        }
-    }
-    Ok(())
-}
-
-/// The same of deviations.
-fn check_scales(scaling: &Scaling) -> Result<(), Error> {
-    let (least, most) = tol::SIZES;
-    for (name, s) in [("x", &scaling.s_x), ("y", &scaling.s_y)] {
-        if let Some(&s) = s.iter().find(|s| !(least..=most).contains(*s)) {
-            let expected =
-                format!("{name} with standard deviations between {least:e} and {most:e}");
-            return Err(Error::value("history", expected, s));
-        }
-    }
-    Ok(())
-}
-
-/// Weights that leave something of both terms of (17).
-pub(crate) fn check_weights(
-    weights: &Weights,
-    config: &Config,
-    scaling: &Scaling,
-) -> Result<(), Error> {
-    let [(P, P_most), (R, R_most)] = weights.ranges();
-    let fits = |least: f64, most: f64| least > 0.0 && most / least <= tol::WEIGHTS;
-    let found = format!("weights between {:.1e} and {:.1e}", P.min(R), P_most.max(R_most));
-    if fits(P.min(R), P_most.max(R_most)) {
-        return Ok(());
-    }
-    if config.certificate.is_some() {
-        let expected = format!("P and R that differ by at most {:e} in scaled units", tol::WEIGHTS);
-        return Err(Error::value("certificate", expected, found));
-    }
-    let paper = config.weighting() == Weighting::Paper;
-    let per_mu = scaling.s_y.iter().map(|s| if paper { s * s / weights.unit } else { 1.0 });
-    let (low, high) =
-        per_mu.fold((f64::INFINITY, 0.0_f64), |(low, high), w| (low.min(w), high.max(w)));
-    let (least, most) = (P_most / tol::WEIGHTS / low, P * tol::WEIGHTS / high);
-    match config.mu {
-        Some(mu) if least <= most => Err(Error::value(
-            "mu",
-            format!("between {least:.1e} and {most:.1e} for this recording"),
-            format!("{mu:e}"),
-        )),
-        _ => Err(Error::value("weights", "units less far apart, or \"scaled\"", found)),
-    }
-}
-
-/// A weight on ‖α‖² that leaves something of the cost (17), and of which something is left beside
-/// it.
-pub(crate) fn check_ridge(weights: &Weights, config: &Config, lambda: f64) -> Result<(), Error> {
-    let Space::Ridge { weight, .. } = config.space else { return Ok(()) };
-    let [(P, P_most), (R, R_most)] = weights.ranges();
-    let (least, most) = (P_most.max(R_most) / tol::WEIGHTS, P.min(R) * tol::WEIGHTS);
-    if (least..=most).contains(&lambda) {
-        return Ok(());
-    }
-    let per_weight = lambda / weight;
-    let expected = format!(
-        "a weight between {:.1e} and {:.1e} for these settings, or Exact or Truncated",
-        least / per_weight,
-        most / per_weight
-    );
-    Err(Error::value("space", expected, format!("{weight:e}")))
-}
-
-/// A state or an output (either may be empty) that is not beyond [`MEASURABLE`](tol::MEASURABLE).
-pub(crate) fn check_reach(
-    argument: &'static str,
-    scaling: &Scaling,
-    x: &[f64],
-    y: &[f64],
-) -> Result<(), Error> {
-    match scaling.deviations(x, y).position(|v| !(v.abs() <= tol::MEASURABLE)) {
-        None => Ok(()),
-        Some(k) => {
-            let expected = format!(
-                "at most {:.1e} standard deviations of the recording from its mean",
-                tol::MEASURABLE
-            );
-            Err(Error::value(argument, expected, if k < x.len() { x[k] } else { y[k - x.len()] }))
-        }
-    }
-}
-
 /// What a user should know about these settings, in words.
 fn warnings(config: &Config, settings: &Settings, spectral_radius: f64) -> Vec<String> {
     let mut warnings = Vec::new();
@@ -403,13 +412,6 @@ fn warnings(config: &Config, settings: &Settings, spectral_radius: f64) -> Vec<S
         );
     }
     warnings
-}
-
-/// Outputs that are in the window before the first step: those at the end of the last recording, if
-/// that is where it starts.
-pub(crate) fn filled(history: &History, start: Start, horizon: usize) -> usize {
-    let recorded = history.outputs(history.recordings() - 1).len() / history.p();
-    if start == Start::Recording { recorded.min(horizon) } else { 0 }
 }
 
 /// The chosen space in normalised units.

@@ -8,13 +8,15 @@
 
 use crate::config::{Config, Start, validate};
 use crate::defaults::Defaults;
-use crate::design::{Design, check_ridge, check_weights, depths, filled, prepared, select, stable};
+use crate::design::{Design, depths, prepared, select, stable};
 use crate::error::Error;
 use crate::excitation::check_excitation;
 use crate::history::History;
+use crate::magnitude::{check_ridge, check_weights};
 use crate::reduction::gain;
 use crate::scaling::Scaling;
 use crate::space::{Selection, Space, TrajectorySpace, WindowStack};
+use crate::start::filled;
 use crate::tol;
 use crate::weights::Weights;
 use ddmhe_run::layout::Layout;

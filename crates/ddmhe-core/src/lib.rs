@@ -31,7 +31,7 @@
 //!
 //! [`Certificate`] replaces the scalar weights by matrices for which the error is known to shrink,
 //! and `error_bound` bounds it step by step. What [`ddmhe_run`] is not certain of, `way_out`
-//! decides: it checks what Clarabel proposes; no file but `qp` names that. `watch` looks at single
+//! decides: it checks what the solver of `qp` proposes. `watch` looks at single
 //! channels: at rest in the recording, or an angle that jumps by a turn. [`defaults`] is the rule
 //! for settings that are not given; [`tol`] holds every tolerance with its reason.
 //!
@@ -97,6 +97,7 @@ mod filter;
 mod hankel;
 mod history;
 mod interrupt;
+mod magnitude;
 mod many;
 mod mhe;
 mod own;

@@ -7,13 +7,14 @@ use crate::config::{
     Bounds, Config, Settings, Start, check_beside, check_box, check_measured, check_output,
     check_start,
 };
-use crate::design::{Design, check_reach, filled};
+use crate::design::Design;
 use crate::error::Error;
 use crate::estimate::{Estimate, Log};
 use crate::history::History;
 use crate::interrupt::Interrupt;
+use crate::magnitude::check_reach;
 use crate::run::{Run, Saved};
-use crate::start::Opening;
+use crate::start::filled;
 use std::sync::Arc;
 
 /// The estimator. A copy continues on its own from the same window and shares everything that was
@@ -21,7 +22,6 @@ use std::sync::Arc;
 pub struct DdMhe {
     design: Arc<Design>,
     config: Config,
-    opening: Option<Arc<Opening>>,
     run: Run,
 }
 
@@ -30,7 +30,6 @@ impl Clone for DdMhe {
         DdMhe {
             design: Arc::clone(&self.design),
             config: self.config.clone(),
-            opening: self.opening.clone(),
             run: self.run.copy(&self.design),
         }
     }
@@ -46,12 +45,8 @@ impl DdMhe {
     /// condition (7).
     pub fn new(history: &History, config: Config) -> Result<Self, Error> {
         let design = Design::new(history, &config, config.start)?;
-        let mut mhe = DdMhe {
-            run: Run::new(&design, config.start),
-            opening: None,
-            design: Arc::new(design),
-            config,
-        };
+        let mut mhe =
+            DdMhe { run: Run::new(&design, config.start), design: Arc::new(design), config };
         mhe.prepare(mhe.run.start)?;
         mhe.restart(None);
         Ok(mhe)
@@ -183,7 +178,7 @@ impl DdMhe {
         if ground.sizes().filled != filled(history, start, settings.horizon) {
             return DdMhe::new(history, self.config.clone())?.plan();
         }
-        let opening = self.opening.as_deref().filter(|_| start == Start::Unknown);
+        let opening = self.design.opening.get().filter(|_| start == Start::Unknown);
         let opening = opening.map_or(&[][..], |opening| &opening.problems);
         Ok(self.design.ground.bytes(&self.design.problems, opening))
     }
@@ -240,16 +235,15 @@ impl DdMhe {
     /// Everything that a run from this start needs.
     fn prepare(&mut self, start: Start) -> Result<(), Error> {
         let made = match start != Start::Recording && !self.design.reaches(1) {
-            true => Some(Design::new(&self.design.history, &self.config, start)?),
+            true => Some(Arc::new(Design::new(&self.design.history, &self.config, start)?)),
             false => None,
         };
-        let design = made.as_ref().unwrap_or(&self.design);
-        if start == Start::Unknown && self.opening.is_none() {
-            self.opening = Some(Arc::new(Opening::new(design, &self.config)?));
+        if start == Start::Unknown {
+            made.as_ref().unwrap_or(&self.design).open()?;
         }
         if let Some(design) = made {
             self.run = Run::new(&design, start);
-            self.design = Arc::new(design);
+            self.design = design;
         }
         self.run.start = start;
         Ok(())
@@ -273,6 +267,6 @@ impl DdMhe {
 
     /// One step on checked input.
     fn advance(&mut self, y: &[f64], x_bounds: Option<&Bounds>) -> &Estimate {
-        self.run.advance(&self.design, self.opening.as_deref(), y, x_bounds)
+        self.run.advance(&self.design, y, x_bounds)
     }
 }

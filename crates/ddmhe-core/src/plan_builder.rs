@@ -50,7 +50,6 @@ impl Block {
 
 /// Everything about one depth that depends only on the recording and the settings, factored.
 pub(crate) struct Draft {
-    pub space: TrajectorySpace,
     /// The map x̄(t-m) → x̂(t) with y = 0 (n × n).
     pub prior_map: Mat<f64>,
     depth: Depth,
@@ -60,7 +59,6 @@ pub(crate) struct Draft {
 
 /// The same, to be solved.
 pub(crate) struct Prepared {
-    pub space: TrajectorySpace,
     pub surplus: Option<Surplus>,
     ready: Ready,
 }
@@ -78,13 +76,13 @@ impl Draft {
     /// Factors the problem. `measured` (m·p, time-major) says which outputs exist; None: all.
     pub fn new(
         layout: Layout,
-        space: TrajectorySpace,
+        space: &TrajectorySpace,
         scaling: &Scaling,
         weights: &Weights,
         (x_bounds, centered): (Option<&Bounds>, bool),
         measured: Option<&[bool]>,
     ) -> Result<Self, SvdError> {
-        let reduced = reduce(layout, &space, weights, centered, measured)?;
+        let reduced = reduce(layout, space, weights, centered, measured)?;
         let kind = Kind {
             centered,
             plain_prior: weights.plain_prior(),
@@ -97,8 +95,8 @@ impl Draft {
         };
         let mut block = Block::new(depth.len);
         depth.write_header(block.numbers_mut());
-        write_maps(&depth, &reduced, &space, &mut block);
-        write_rows(&depth, &reduced.A, &space, scaling, &mut block);
+        write_maps(&depth, &reduced, space, &mut block);
+        write_rows(&depth, &reduced.A, space, scaling, &mut block);
         write_limits(&depth, x_bounds, scaling, &mut block);
         block.write(depth.prior, weights.prior_factor());
         let (last, r) = (layout.x(layout.depth).start, depth.rank);
@@ -107,7 +105,7 @@ impl Draft {
         let prior_map = Mat::from_fn(layout.n, layout.n, entry);
         let rows = depth.rows(block.numbers());
         let surplus = reduced.unseen.map(|unseen| Surplus::new(&rows, unseen));
-        Ok(Draft { surplus, prior_map, depth, space, block })
+        Ok(Draft { surplus, prior_map, depth, block })
     }
 
     /// Number of directions r.
@@ -117,11 +115,16 @@ impl Draft {
 
     /// To be solved, beside what all depths share.
     pub fn on(self, ground: &Arc<Ground>) -> Prepared {
-        let Draft { space, surplus, depth, block, .. } = self;
+        let Draft { surplus, depth, block, .. } = self;
         let ready = Ready::new((Arc::clone(ground), block), |(ground, block)| {
             WindowProblem::new(ground.shared(), depth, block.numbers())
         });
-        Prepared { space, surplus, ready }
+        Prepared { surplus, ready }
+    }
+
+    /// All of them likewise.
+    pub fn all_on(drafts: Vec<Draft>, ground: &Arc<Ground>) -> Vec<Prepared> {
+        drafts.into_iter().map(|draft| draft.on(ground)).collect()
     }
 }
 

@@ -1,6 +1,5 @@
-//! Small dense programmes, the only file of the crate that names Clarabel: what it proposes where
-//! the dual active-set method of `active_set` is not certain. Nothing that it says is believed:
-//! `way_out` checks the points and the multipliers.
+//! What an interior-point solver proposes where the dual active-set method of `active_set` is not
+//! certain. Nothing that it says is believed: `way_out` checks the points and the multipliers.
 //!
 //! The estimator hands over a least-distance problem: with t the deviation from the unconstrained
 //! minimiser, in coordinates where the cost's Hessian is the identity,
@@ -10,12 +9,9 @@
 //! with rows of unit length.
 
 use crate::tol;
-use clarabel::algebra::CscMatrix;
-use clarabel::solver::{
-    DefaultSettings, DefaultSolver, IPSolver, NonnegativeConeT, SupportedConeT, ZeroConeT,
-};
+use ddmhe_interval::programme::Programme;
 use ddmhe_run::active_set::ActiveBound;
-use faer::{Mat, MatRef};
+use faer::MatRef;
 
 /// What the solver proposes: a point, and multipliers of at least 0.
 pub(crate) struct Proposal {
@@ -24,8 +20,8 @@ pub(crate) struct Proposal {
     pub iterations: u32,
 }
 
-/// One of the programmes below.
-pub(crate) type Programme = fn(MatRef<'_, f64>, &[f64], &[f64]) -> Option<Proposal>;
+/// One of the two below.
+pub(crate) type Propose = fn(MatRef<'_, f64>, &[f64], &[f64]) -> Option<Proposal>;
 
 /// Minimises ½‖t‖² subject to lo ≤ A t ≤ hi, A (rows × r); infinite entries are no bounds. None if
 /// the data are rejected. Where there is no such t, the multipliers are those of a proof of it.
@@ -41,24 +37,21 @@ pub(crate) fn least_distance(A: MatRef<'_, f64>, lo: &[f64], hi: &[f64]) -> Opti
     });
     let equalities = fixed.clone().count();
     let sides: Vec<ActiveBound> = fixed.chain(open).collect();
-    // -sign aᵀt ≤ -sign bound
-    let rows = Mat::from_fn(sides.len(), r, |i, j| -sides[i].sign * A[(sides[i].row, j)]);
-    let b: Vec<f64> =
-        sides.iter().map(|s| if s.sign > 0.0 { -lo[s.row] } else { hi[s.row] }).collect();
-    let cones: [SupportedConeT<f64>; 2] =
-        [ZeroConeT(equalities), NonnegativeConeT(sides.len() - equalities)];
-    let sparse = dense_to_csc(rows.as_ref());
-    let mut solver =
-        DefaultSolver::new(&CscMatrix::identity(r), &vec![0.0; r], &sparse, &b, &cones, settings())
-            .ok()?;
-    solver.solve();
+    let programme = Programme {
+        quadratic: true,
+        cost: vec![0.0; r],
+        columns: (0..r).flat_map(|j| inward(A, &sides, j)).collect(),
+        b: limits(&sides, lo, hi).collect(),
+        equations: equalities,
+    };
+    let found = programme.propose(tol::SOLVER)?;
     let outward = |(side, z): (&ActiveBound, &f64)| {
         (ActiveBound { sign: side.sign * z.signum(), ..*side }, z.abs())
     };
     Some(Proposal {
-        t: solver.solution.x.clone(),
-        multipliers: sides.iter().zip(&solver.solution.z).map(outward).collect(),
-        iterations: solver.solution.iterations,
+        multipliers: sides.iter().zip(&found.z).map(outward).collect(),
+        t: found.x,
+        iterations: found.iterations,
     })
 }
 
@@ -75,61 +68,36 @@ pub(crate) fn least_excess(A: MatRef<'_, f64>, lo: &[f64], hi: &[f64]) -> Option
         })
         .collect();
     // variables (t, s): -sign aᵀt - s ≤ -sign bound; -s ≤ 1
-    let rows = Mat::from_fn(sides.len() + 1, r + 1, |i, j| match (sides.get(i), j == r) {
-        (Some(side), false) => -side.sign * A[(side.row, j)],
-        (None, false) => 0.0,
-        (_, true) => -1.0,
-    });
-    let mut b: Vec<f64> =
-        sides.iter().map(|s| if s.sign > 0.0 { -lo[s.row] } else { hi[s.row] }).collect();
-    b.push(1.0);
-    let mut cost = vec![0.0; r];
-    cost.push(1.0);
-    let cones = [NonnegativeConeT(sides.len() + 1)];
-    let sparse = dense_to_csc(rows.as_ref());
-    let mut solver = DefaultSolver::new(
-        &CscMatrix::zeros((r + 1, r + 1)),
-        &cost,
-        &sparse,
-        &b,
-        &cones,
-        settings(),
-    )
-    .ok()?;
-    solver.solve();
+    let columns = (0..r).flat_map(|j| inward(A, &sides, j).chain([0.0]));
+    let programme = Programme {
+        quadratic: false,
+        cost: (0..=r).map(|j| f64::from(u8::from(j == r))).collect(),
+        columns: columns.chain(sides.iter().map(|_| -1.0)).chain([-1.0]).collect(),
+        b: limits(&sides, lo, hi).chain([1.0]).collect(),
+        equations: 0,
+    };
+    let found = programme.propose(tol::SOLVER)?;
     Some(Proposal {
-        t: solver.solution.x[..r].to_vec(),
-        multipliers: sides
-            .iter()
-            .zip(&solver.solution.z)
-            .map(|(side, z)| (*side, z.max(0.0)))
-            .collect(),
-        iterations: solver.solution.iterations,
+        t: found.x[..r].to_vec(),
+        multipliers: sides.iter().zip(&found.z).map(|(side, z)| (*side, z.max(0.0))).collect(),
+        iterations: found.iterations,
     })
 }
 
-fn dense_to_csc(A: MatRef<'_, f64>) -> CscMatrix<f64> {
-    let (m, r) = (A.nrows(), A.ncols());
-    let values = (0..r).flat_map(|j| (0..m).map(move |i| A[(i, j)])).collect();
-    CscMatrix::new(
-        m,
-        r,
-        (0..=r).map(|j| j * m).collect(),
-        (0..r).flat_map(|_| 0..m).collect(),
-        values,
-    )
+/// Column j of the rows -sign aᵀ …
+fn inward<'a>(
+    A: MatRef<'a, f64>,
+    sides: &'a [ActiveBound],
+    j: usize,
+) -> impl Iterator<Item = f64> + 'a {
+    sides.iter().map(move |side| -side.sign * A[(side.row, j)])
 }
 
-fn settings() -> DefaultSettings<f64> {
-    DefaultSettings {
-        verbose: false,
-        max_threads: 1,
-        // z and s are read by row
-        presolve_enable: false,
-        input_sparse_dropzeros: false,
-        tol_gap_abs: tol::SOLVER,
-        tol_gap_rel: tol::SOLVER,
-        tol_feas: tol::SOLVER,
-        ..DefaultSettings::default()
-    }
+/// … ≤ -sign bound.
+fn limits<'a>(
+    sides: &'a [ActiveBound],
+    lo: &'a [f64],
+    hi: &'a [f64],
+) -> impl Iterator<Item = f64> + 'a {
+    sides.iter().map(|s| if s.sign > 0.0 { -lo[s.row] } else { hi[s.row] })
 }

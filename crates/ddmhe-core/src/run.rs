@@ -4,14 +4,14 @@
 //! minimiser. What a step of that crate cannot do in flight, [`Fallbacks`] does here.
 
 use crate::config::{Bounds, Start, check_measured};
-use crate::design::{Design, filled, first_window};
+use crate::design::Design;
 use crate::error::Error;
 use crate::error_bound::ErrorBound;
 use crate::estimate::Estimate;
 use crate::fallback::Fallbacks;
 use crate::history::check_finite;
 use crate::plan_builder::Prepared;
-use crate::start::Opening;
+use crate::start::{Opening, filled, first_window};
 use crate::watch::Seen;
 use crate::weights::Weights;
 use ddmhe_run::active_set::ActiveBound;
@@ -168,13 +168,7 @@ impl Run {
 
     /// One pass of Algorithm 1's loop, on checked input: nothing can go wrong that is not a status.
     #[inline]
-    pub fn advance(
-        &mut self,
-        design: &Design,
-        opening: Option<&Opening>,
-        y: &[f64],
-        x_bounds: Option<&Bounds>,
-    ) -> &Estimate {
+    pub fn advance(&mut self, design: &Design, y: &[f64], x_bounds: Option<&Bounds>) -> &Estimate {
         let horizon = design.settings.horizon;
         if self.memory.len() == horizon {
             self.memory.forget();
@@ -182,10 +176,10 @@ impl Run {
                 bound.forget();
             }
         }
-        let outputs = self.memory.len() + 1;
         // the window of this step holds all outputs of a run from an unknown state
-        let opening = opening.filter(|_| self.start == Start::Unknown && self.t < horizon);
-        let (prepared, weights) = problem(design, opening, outputs);
+        let growing = self.start == Start::Unknown && self.t < horizon;
+        let opening = design.opening.get().filter(|_| growing);
+        let (prepared, weights) = problem(design, opening, self.memory.len() + 1);
         let layout = prepared.layout();
         let estimate = &mut self.estimate;
         if estimate.v.len() != layout.outputs_len() {

@@ -17,19 +17,48 @@
 //! *An exact recording* leaves σ_v² = 0, and the prior no weight at all: [`tol::START_NOISE`] is
 //! what outputs are taken to deviate by at least.
 
-use crate::config::Config;
-use crate::design::Design;
+use crate::config::Start;
 use crate::error::Error;
 use crate::history::History;
-use crate::plan_builder::{Draft, Prepared, factorisation};
+use crate::plan_builder::Prepared;
 use crate::scaling::Scaling;
 use crate::tol;
 use crate::weights::Weights;
-
 use faer::{Mat, Side};
 
 /// P₀ in units of the covariance of the recorded states.
 const SPREAD: f64 = 10.0;
+
+/// Outputs that are in the window before the first step: those at the end of the last recording, if
+/// that is where it starts.
+pub(crate) fn filled(history: &History, start: Start, horizon: usize) -> usize {
+    let recorded = history.outputs(history.recordings() - 1).len() / history.p();
+    if start == Start::Recording { recorded.min(horizon) } else { 0 }
+}
+
+/// States and outputs in the window of a new run, as scaled deviations: the recording's end, the
+/// prior, or the recording's mean.
+pub(crate) fn first_window(
+    history: &History,
+    scaling: &Scaling,
+    start: Start,
+    filled: usize,
+    x_prior: Option<&[f64]>,
+) -> (Vec<f64>, Vec<f64>) {
+    let (n, p, last) = (history.n(), history.p(), history.recordings() - 1);
+    let (x, y) = (history.states(last), history.outputs(last));
+    let mut states = x[x.len() - (filled + 1) * n..].to_vec();
+    match (start, x_prior) {
+        (Start::State, Some(prior)) => states.copy_from_slice(prior),
+        (Start::Unknown, _) => states.copy_from_slice(&scaling.mean_x),
+        _ => {}
+    }
+    let outputs = &y[y.len() - filled * p..];
+    (
+        states.chunks_exact(n).flat_map(|x| scaling.deviations(x, &[])).collect(),
+        outputs.chunks_exact(p).flat_map(|y| scaling.deviations(&[], y)).collect(),
+    )
+}
 
 /// The problems of the growing windows of a run from an unknown state.
 pub(crate) struct Opening {
@@ -37,28 +66,17 @@ pub(crate) struct Opening {
     pub weights: Weights,
 }
 
-impl Opening {
-    /// From a design that holds all depths.
-    pub fn new(design: &Design, config: &Config) -> Result<Self, Error> {
-        let (history, scaling) = (&design.history, &design.scaling);
-        let U = inverse_factor(&spread(history, scaling)).ok_or_else(|| {
-            Error::rank("history", "states with a covariance", "none that can be factored")
-        })?;
-        let noise = design.weights.mean_cost(&residual(history, scaling));
-        let weights = design.weights.opening(U * faer::Scale((noise / SPREAD).sqrt()));
-        let bounds = (config.x_bounds.as_ref(), design.centered);
-        let problem = |p: &Prepared| {
-            Draft::new(p.layout(), p.space.clone(), scaling, &weights, bounds, None)
-                .map(|draft| draft.on(&design.ground))
-        };
-        let problems = design
-            .problems
-            .iter()
-            .map(problem)
-            .collect::<Result<Vec<_>, _>>()
-            .map_err(factorisation)?;
-        Ok(Opening { problems, weights })
-    }
+/// The weights of those windows: Σ_x's prior beside the noise weights of the others.
+pub(crate) fn opening_weights(
+    history: &History,
+    scaling: &Scaling,
+    regular: &Weights,
+) -> Result<Weights, Error> {
+    let U = inverse_factor(&spread(history, scaling)).ok_or_else(|| {
+        Error::rank("history", "states with a covariance", "none that can be factored")
+    })?;
+    let noise = regular.mean_cost(&residual(history, scaling));
+    Ok(regular.opening(U * faer::Scale((noise / SPREAD).sqrt())))
 }
 
 /// Covariance of the recorded states, in scaled units, with enough of a diagonal to have an

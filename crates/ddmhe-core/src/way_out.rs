@@ -210,7 +210,7 @@ impl<'a, 'b, W: Windows> Bounded<'a, 'b, W> {
         self.proposed(qp::least_excess, iterations)
     }
 
-    fn proposed(&self, solve: qp::Programme, iterations: &mut u32) -> Proposed {
+    fn proposed(&self, solve: qp::Propose, iterations: &mut u32) -> Proposed {
         // distances of about 1, whatever the problem's
         let far = (0..self.rows.len())
             .map(|k| self.lo[k].max(-self.hi[k]))

@@ -73,6 +73,7 @@ pub mod error;
 pub mod interval;
 mod membership;
 pub mod observer;
+pub mod programme;
 mod reduce;
 mod rounding;
 mod strip;

@@ -1,13 +1,10 @@
-//! Is a point in a zonotope? The linear programme min ‖ξ‖∞ subject to M ξ = x - p, and the only
-//! file of the crate that names Clarabel. What it proposes is not believed: a ξ within the unit box
-//! proves that the point is in, a plane between point and set that it is not.
+//! Is a point in a zonotope? The linear programme min ‖ξ‖∞ subject to M ξ = x - p. What the solver
+//! proposes is not believed: a ξ within the unit box proves that the point is in, a plane between
+//! point and set that it is not.
 
+use crate::programme::Programme;
 use crate::rounding::{map, row_sums};
 use crate::tol;
-use clarabel::algebra::CscMatrix;
-use clarabel::solver::{
-    DefaultSettings, DefaultSolver, IPSolver, NonnegativeConeT, SupportedConeT, ZeroConeT,
-};
 use faer::Mat;
 
 /// How much larger a set is within which a point counts as in.
@@ -105,33 +102,8 @@ impl Difference {
         b.resize(rows, 0.0);
         let mut cost = vec![0.0; m];
         cost.push(1.0);
-        let cones: [SupportedConeT<f64>; 2] = [ZeroConeT(n), NonnegativeConeT(2 * m)];
-        let none = CscMatrix::zeros((m + 1, m + 1));
-        let mut solver =
-            DefaultSolver::new(&none, &cost, &dense(rows, A), &b, &cones, settings()).ok()?;
-        solver.solve();
-        let found = solver.solution;
+        let programme = Programme { quadratic: false, cost, columns: A, b, equations: n };
+        let found = programme.propose(tol::PROGRAMME)?;
         Some((found.x[..m].to_vec(), found.z[..n].iter().map(|z| -z).collect()))
-    }
-}
-
-/// A matrix given by columns, zeros and all.
-fn dense(rows: usize, columns: Vec<f64>) -> CscMatrix<f64> {
-    let width = columns.len() / rows;
-    let starts = (0..=width).map(|j| j * rows).collect();
-    CscMatrix::new(rows, width, starts, (0..width).flat_map(|_| 0..rows).collect(), columns)
-}
-
-fn settings() -> DefaultSettings<f64> {
-    DefaultSettings {
-        verbose: false,
-        max_threads: 1,
-        // z is read by row
-        presolve_enable: false,
-        input_sparse_dropzeros: false,
-        tol_gap_abs: tol::PROGRAMME,
-        tol_gap_rel: tol::PROGRAMME,
-        tol_feas: tol::PROGRAMME,
-        ..DefaultSettings::default()
     }
 }
