@@ -12,7 +12,7 @@ mod data;
 
 use criterion::{BatchSize, Criterion, criterion_group, criterion_main};
 use data::{config, recorded, within};
-use ddmhe_core::{Bounds, Config, DdMhe, Space};
+use ddmhe_core::{Bounds, Config, DdMhe, Space, Step};
 use std::hint::black_box;
 
 /// The bare arithmetic of one step: z = K f, w = c + A z, is lo ≤ w ≤ hi. Matrices by blocks of
@@ -100,13 +100,17 @@ fn time(c: &mut Criterion, regime: &str, id: &str, mut mhe: DdMhe, outputs: &[f6
 fn cold(c: &mut Criterion, id: &str, mut mhe: DdMhe, bounds: &Bounds, outputs: &[f64]) {
     let p = mhe.p();
     let cuts = |mhe: &DdMhe, y: &[f64]| {
-        mhe.clone().step_within(y, Some(bounds)).is_ok_and(|e| e.active > 1)
+        mhe.clone()
+            .step_with(Step { y, x_bounds: Some(bounds), u: &[] })
+            .is_ok_and(|e| e.active > 1)
     };
     for y in outputs.chunks_exact(p).skip(60) {
         if mhe.t() > 60 && cuts(&mhe, y) {
             c.benchmark_group("step/cold").bench_function(id, |b| {
-                let step =
-                    |mhe: &mut DdMhe| mhe.step_within(y, Some(bounds)).map_or(0, |e| e.active);
+                let step = |mhe: &mut DdMhe| {
+                    mhe.step_with(Step { y, x_bounds: Some(bounds), u: &[] })
+                        .map_or(0, |e| e.active)
+                };
                 b.iter_batched_ref(|| mhe.clone(), step, BatchSize::SmallInput);
             });
             return;

@@ -340,7 +340,10 @@ def test_the_observer_answers_or_errs_at_the_edge():
 def test_a_run_ends_at_a_violation_and_keeps_what_it_had():
     s = interval.pendulum()
     design = interval.fixed_gain(s, [[1.5], [7.7]])
-    make = lambda: interval.IntervalObserver(s, design, [0.98, 0.02], [0.1, 1.0], 0.006, 0.01)  # noqa: E731
+
+    def make():
+        return interval.IntervalObserver(s, design, [0.98, 0.02], [0.1, 1.0], 0.006, 0.01)
+
     Y = 1.0 - 0.002 * np.arange(20.0)[:, None] ** 2
     o, whole = make(), make().run(Y[:12])
     assert whole.violation is None

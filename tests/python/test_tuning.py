@@ -374,15 +374,16 @@ def test_errors_name_the_argument():
 
 def test_validate_checks_its_folds():
     history, _ = detumbling()
-    good = (history, np.zeros(3), np.zeros((2, 3)), np.zeros((2, 3)), [1, 2], np.ones(3))
+    good = (history, np.zeros(3), np.zeros((2, 3)), None, np.zeros((2, 3)), [1, 2], np.ones(3))
     assert validate([good], [(0, {"horizon": 10_000})]) == [
         ([np.inf, np.inf], np.inf)
     ]  # too long: no error, no use
     for fold, jobs, message in (
         ((history, np.zeros(2), *good[2:]), [], "folds: expected 3 numbers"),
-        ((*good[:3], np.zeros((3, 3)), [1], good[5]), [], "truth: expected 6 numbers"),
-        ((*good[:4], [3], good[5]), [], "spans: expected 1 to 2 estimates"),
-        ((*good[:5], [1.0, 0.0, 1.0]), [], "spread: expected positive numbers"),
+        ((*good[:4], np.zeros((3, 3)), [1], good[6]), [], "truth: expected 6 numbers"),
+        ((*good[:5], [3], good[6]), [], "spans: expected 1 to 2 estimates"),
+        ((*good[:6], [1.0, 0.0, 1.0]), [], "spread: expected positive numbers"),
+        ((*good[:3], np.zeros((2, 1)), *good[4:]), [], "folds: expected"),
         (good, [(1, {})], "jobs: expected folds below 1"),
         (good, [(0, {"colour": 1})], "jobs: expected a setting of DdMhe"),
     ):
@@ -403,3 +404,10 @@ def test_the_surrogates_slope_is_that_of_its_residuals():
                 surrogate._residuals(parameters + h) - surrogate._residuals(parameters - h)
             ) / (2 * h[k])
             assert slope[:, k] == pytest.approx(difference, abs=1e-4 * np.abs(slope[:, k]).max())
+
+
+def test_a_surrogate_whose_sensitivities_overflow_explains_nothing():
+    x = np.random.default_rng(3).standard_normal((401, 2)).cumsum(0)
+    x[:351, 1] = 0.0  # at rest, then away
+    with pytest.raises(ddmhe.RankError, match="three quarters"):
+        ddmhe.tune(ddmhe.History(x, x[:-1, :1]))

@@ -1,7 +1,7 @@
 //! Steps allocate nothing after construction, on every path but the interior-point solver's.
 
 use crate::systems::{modes, noise, unit_certificate};
-use ddmhe_core::{Bounds, Center, Config, DdMhe, Disturbance, Space};
+use ddmhe_core::{Bounds, Center, Config, DdMhe, Disturbance, History, Space, Step};
 
 /// What 340 steps allocate from the first on, and in how many of them bounds were active.
 fn allocations(config: Config, lost: impl Fn(usize) -> bool) -> (u64, usize) {
@@ -69,4 +69,27 @@ fn no_step_with_an_error_bound_allocates() {
     };
     assert_eq!(allocations(settings.clone(), |_| false), (0, 0));
     assert_eq!(allocations(settings, |k| k % 31 == 0), (0, 0));
+}
+
+#[test]
+fn no_step_with_known_inputs_allocates() {
+    let system = modes(2);
+    let u = noise(5, 2 * 520, 1.0);
+    let (x, y) = system.driven(&[1.0, 0.5, -0.3, 0.8], &u);
+    let (n, p, T) = (system.n(), system.p(), 120);
+    let history = History::new(n, p, &x[..(T + 1) * n], &y[..T * p], 0.1).unwrap();
+    let history = history.with_inputs(2, &u[..2 * T]).unwrap();
+    let boxed = Config { x_bounds: within(3.0, 4), v_bounds: within(0.2, 3), ..config() };
+    for config in [config(), boxed] {
+        let mut mhe = DdMhe::new(&history, config).unwrap();
+        let mut bound = 0;
+        let found = allocation_counter::measure(|| {
+            for k in T..T + 400 {
+                let (y, u) = (&y[k * p..(k + 1) * p], &u[2 * k..2 * k + 2]);
+                let step = Step { y, u, x_bounds: None };
+                bound += usize::from(mhe.step_with(step).unwrap().active > 0);
+            }
+        });
+        assert_eq!(found.count_total, 0, "{bound}");
+    }
 }

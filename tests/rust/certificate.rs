@@ -93,6 +93,8 @@ fn a_noisy_recording_without_a_model_leaves_no_bound() {
     assert!(mhe.warnings().iter().any(|w| w.contains("no error bound is given")));
     assert_eq!(mhe.step(&[1.0]).expect("a step").bound, None);
     let model = |e: Vec<f64>, r: Vec<f64>| Model {
+        B: Vec::new(),
+        D: Vec::new(),
         A: vec![0.9],
         e,
         C: vec![2.0],
@@ -142,6 +144,7 @@ fn validation_scores_what_run_gives() {
         history: history(),
         x_prior: vec![4.0],
         outputs: outputs.clone(),
+        inputs: Vec::new(),
         truth: truth[1..].to_vec(),
         spans: vec![5, 20],
         spread: vec![0.5],

@@ -125,11 +125,13 @@ fn a_run_that_would_lack_a_block_is_refused() {
 #[test]
 fn lengths_can_be_counted_in_32_bits() {
     let largest = u64::from(u32::MAX);
-    let sizes = |[n, p, horizon, rank]: [usize; 4], bits: usize| {
+    let sizes = |[n, p, m, horizon, rank]: [usize; 5], bits: usize| {
         let flag = |bit: usize| bits >> bit & 1 == 1;
         Sizes {
             n,
             p,
+            m,
+            lag: 1 + bits % 2,
             horizon,
             rank,
             filled: horizon,
@@ -139,16 +141,17 @@ fn lengths_can_be_counted_in_32_bits() {
             plain_noise: flag(3),
         }
     };
-    assert!(sizes([20, 20, 100, 40], 15).countable(largest));
-    for huge in [[1 << 20; 4], [1, 1, 1, 65_536], [1 << 17, 1, 1, 1], [1, 1 << 17, 1, 1]] {
+    assert!(sizes([20, 20, 5, 100, 40], 15).countable(largest));
+    let huge = [[1, 1, 0, 1, 65_536], [1 << 17, 1, 0, 1, 1], [1, 1 << 17, 0, 1, 1]];
+    for huge in huge.into_iter().chain([[1 << 20; 5], [1, 1, 1 << 17, 1, 1]]) {
         assert!(!sizes(huge, 0).countable(largest), "{huge:?}");
     }
     let mut rng = ChaCha8Rng::seed_from_u64(3);
     let (mut countable, mut most) = (0, 0);
-    for _ in 0..20_000 {
+    for _ in 0..40_000 {
         // of every magnitude up to what a header may say
-        let four = std::array::from_fn(|_| 2_f64.powf(rng.random_range(0.0..19.9)) as usize);
-        let sizes = sizes(four, rng.random_range(0..16));
+        let five = std::array::from_fn(|_| 2_f64.powf(rng.random_range(0.0..19.9)) as usize);
+        let sizes = sizes(five, rng.random_range(0..16));
         if !sizes.countable(largest) {
             continue;
         }

@@ -1,7 +1,7 @@
 //! Linear systems: recovery, bounds, growing window.
 
 use crate::systems::{modes, noise};
-use ddmhe_core::{Bounds, Config, DdMhe, Space, Status};
+use ddmhe_core::{Bounds, Config, DdMhe, Space, Status, Step};
 
 fn config(horizon: usize) -> Config {
     Config {
@@ -73,7 +73,9 @@ fn a_box_that_misses_the_answer_changes_it_and_raises_the_cost() {
         hi: [vec![f64::INFINITY; 20], hi].concat(),
     };
     let free = free.step(&outputs[18..]).unwrap().clone();
-    let boxed = boxed.step_within(&outputs[18..], Some(&limits)).unwrap();
+    let boxed = boxed
+        .step_with(Step { y: &outputs[18..], x_bounds: Some(&limits), ..Step::default() })
+        .unwrap();
     assert!((boxed.x[0] - (truth[20] - 0.1)).abs() < 1e-9);
     assert!(boxed.cost > free.cost + 1e-3);
     assert_eq!(boxed.active, 1);

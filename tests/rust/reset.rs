@@ -2,7 +2,7 @@
 //! on as the original does.
 
 use crate::systems::{modes, noise, unit_certificate};
-use ddmhe_core::{Bounds, Center, Config, DdMhe, Disturbance, History, Space, Start};
+use ddmhe_core::{Bounds, Center, Config, DdMhe, Disturbance, History, Space, Start, Step};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
@@ -68,7 +68,11 @@ fn use_it(mhe: &mut DdMhe, y: &[f64], rng: &mut ChaCha8Rng) {
         7 => *mhe = DdMhe::restore(&mhe.snapshot()).unwrap(),
         8 => {
             let size = rng.random_range(0.0..2.0);
-            let _estimate = mhe.step_within(&y, within(size, 4).as_ref());
+            let _estimate = mhe.step_with(Step {
+                y: &y,
+                x_bounds: within(size, 4).as_ref(),
+                ..Step::default()
+            });
             return;
         }
         _ => {}

@@ -1,7 +1,7 @@
 //! Hankel matrices, the rank condition and the documented identities of the trajectory space.
 
 use crate::systems::{modes, noise};
-use ddmhe_core::{BlockHankel, Config, DdMhe, Error, History, Space};
+use ddmhe_core::{BlockHankel, Config, DdMhe, Equilibrium, Error, History, Space};
 
 #[test]
 fn block_hankel_columns_are_slices_of_the_signal() {
@@ -66,7 +66,7 @@ fn a_state_at_rest_violates_the_rank_condition() {
 fn the_equilibrium_joins_the_data_only_when_they_are_noisy() {
     let system = modes(1);
     let (x, y) = system.simulate(&[1.0, 0.5], 60);
-    let rest = Some((vec![0.1, 0.1], vec![0.4, 0.0]));
+    let rest = Some(Equilibrium { x: vec![0.1, 0.1], y: vec![0.4, 0.0], u: vec![] });
     let config = Config { equilibrium: rest, horizon: Some(8), ..Config::default() };
     let clean = DdMhe::new(&History::new(2, 2, &x, &y, 0.1).unwrap(), config.clone()).unwrap();
     assert!(!clean.settings().equilibrium_used);

@@ -45,6 +45,22 @@ impl System {
         (x, y)
     }
 
+    /// The same moved by two inputs (T·2): the first pushes the first state and is seen in the first
+    /// output, the second pushes all states.
+    pub fn driven(&self, start: &[f64], u: &[f64]) -> (Vec<f64>, Vec<f64>) {
+        let (mut x, mut y, mut state) = (start.to_vec(), Vec::new(), start.to_vec());
+        for u in u.chunks_exact(2) {
+            let mut output = self.output(&state);
+            output[0] += 0.5 * u[0];
+            y.extend(output);
+            state = self.next(&state);
+            state[0] += 0.2 * u[0];
+            state.iter_mut().for_each(|x| *x += 0.1 * u[1]);
+            x.extend(&state);
+        }
+        (x, y)
+    }
+
     pub fn record(&self, start: &[f64], T: usize) -> History {
         let (x, y) = self.simulate(start, T);
         History::new(self.n(), self.p(), &x, &y, 0.1).unwrap()

@@ -2,7 +2,7 @@
 //! weights.
 
 use ddmhe_core::validation::{Fold, Score, validate};
-use ddmhe_core::{Config, DdMhe, History, Space, Start, Weighting};
+use ddmhe_core::{Config, DdMhe, Equilibrium, History, Space, Start, Weighting};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
@@ -31,6 +31,7 @@ fn fold(history: History, x: &[f64], y: &[f64]) -> Fold {
     Fold {
         x_prior: x[at * n..(at + 1) * n].to_vec(),
         outputs: y[at * p..].to_vec(),
+        inputs: Vec::new(),
         truth: x[(at + 1) * n..].to_vec(),
         spans: vec![1, 7, y.len() / p - at],
         spread: (0..n).map(|i| [300.0, 3e-4][i]).collect(),
@@ -102,7 +103,7 @@ fn units_and_weights_score_as_they_run() {
     let history = History::new(2, 3, x_r, y_r, 0.1).unwrap();
     let named = history.clone().with_units(&["m"], &["V", "V", "K"]).unwrap();
     for history in [history, named] {
-        let rest = (vec![40.0, 0.0], vec![-3.0, 0.0, 7.5]);
+        let rest = Equilibrium { x: vec![40.0, 0.0], y: vec![-3.0, 0.0, 7.5], u: vec![] };
         let fold = fold(history, &x, &y);
         for start in [Start::State, Start::Recording, Start::Unknown] {
             for equilibrium in [None, Some(rest.clone())] {
@@ -125,6 +126,7 @@ fn an_estimate_that_runs_away_scores_as_it_runs() {
         spans: vec![outputs.len() - 2],
         spread: vec![1.0],
         outputs,
+        inputs: Vec::new(),
     };
     agree(
         &fold,

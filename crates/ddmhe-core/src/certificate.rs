@@ -42,7 +42,7 @@ pub struct Certificate {
     pub model: Option<Model>,
 }
 
-/// x(t+1) = A x + e, y = C x + r, and how far the true system may be from it.
+/// x(t+1) = A x + B u + e, y = C x + D u + r, and how far the true system may be from it.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Model {
     /// (n·n)
@@ -51,20 +51,24 @@ pub struct Model {
     pub e: Vec<f64>,
     /// (p·n)
     pub C: Vec<f64>,
+    /// (n·m); empty for a system without inputs.
+    pub B: Vec<f64>,
+    /// (p·m); empty with B.
+    pub D: Vec<f64>,
     /// (p), or empty with e.
     pub r: Vec<f64>,
     /// Whether it was fitted to a noisy recording whose noise is not known: how far the true system
     /// is from it, nobody knows then.
     pub identified: bool,
-    /// For the true system, ‖ΔA x + Δe‖_Q ≤ `w`·q(x) and ‖ΔC x + Δr‖_R ≤ `v`·q(x) with q(x)² = \[x;
-    /// 1\]ᵀ metric \[x; 1\].
+    /// For the true system, ‖ΔA x + ΔB u + Δe‖_Q ≤ `w`·q and ‖ΔC x + ΔD u + Δr‖_R ≤ `v`·q with q² =
+    /// \[x; u; 1\]ᵀ metric \[x; u; 1\].
     pub uncertainty: Option<Uncertainty>,
 }
 
 /// The distance between the model and the true system, see [`Model::uncertainty`].
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Uncertainty {
-    /// Symmetric positive semidefinite ((n+1)·(n+1)).
+    /// Symmetric positive semidefinite ((n+m+1)·(n+m+1)).
     pub metric: Vec<f64>,
     /// Factor of the states' equation.
     pub w: f64,
@@ -90,7 +94,7 @@ impl Certificate {
     }
 
     /// Sizes, finite numbers, symmetry, definiteness, η.
-    pub(crate) fn check(&self, n: usize, p: usize) -> Result<(), Error> {
+    pub(crate) fn check(&self, n: usize, p: usize, m: usize) -> Result<(), Error> {
         if !(self.eta > 0.0 && self.eta < 1.0) {
             return Err(Error::value("certificate", "eta in (0, 1)", self.eta));
         }
@@ -106,14 +110,15 @@ impl Certificate {
         }
         let Some(model) = &self.model else { return Ok(()) };
         let offsets = !(model.e.is_empty() && model.r.is_empty());
-        for (values, len) in [(&model.A, n * n), (&model.C, p * n)] {
+        let sizes = [(&model.A, n * n), (&model.C, p * n), (&model.B, n * m), (&model.D, p * m)];
+        for (values, len) in sizes {
             check_vector("certificate", values, len)?;
         }
         for (values, len) in [(&model.e, n), (&model.r, p)] {
             check_vector("certificate", values, if offsets { len } else { 0 })?;
         }
         if let Some(u) = &model.uncertainty {
-            check_square("metric", &u.metric, n + 1)?;
+            check_square("metric", &u.metric, n + m + 1)?;
             check_factor("w", u.w)?;
             check_factor("v", u.v)?;
         }

@@ -18,7 +18,9 @@
 
 use crate::defaults::Defaults;
 use crate::history::History;
+use crate::response::OwnResponse;
 use crate::scaling::Scaling;
+use crate::space::free_window;
 use faer::linalg::solvers::Solve;
 use faer::{Mat, MatRef, Side};
 
@@ -47,7 +49,7 @@ struct Block {
 /// where there are none.
 pub(crate) fn challenge(
     history: &History,
-    scaling: &Scaling,
+    (scaling, response): (&Scaling, Option<&OwnResponse>),
     rule: &Defaults,
     lambda: f64,
 ) -> Option<(Scaling, Defaults)> {
@@ -55,7 +57,8 @@ pub(crate) fn challenge(
     let (n, p) = (history.n(), history.p());
     let spread: Vec<f64> =
         scaling.unit_x.iter().zip(&scaling.s_x).map(|(unit, s)| unit / s).collect();
-    let held = blocks(history, scaling, rule, rule.horizon, &vec![lambda / rule.mu; p])?;
+    let held =
+        blocks(history, (scaling, response), rule, rule.horizon, &vec![lambda / rule.mu; p])?;
     let prior = vec![lambda / (2.0 * rule.rho.powi(rule.horizon as i32)); n];
     let incumbent = size(&stationary(&held, &spread, Some(&prior)), &spread);
 
@@ -64,7 +67,9 @@ pub(crate) fn challenge(
     let margin = MARGIN.0.min(MARGIN.1 / history.T() as f64);
     let mut best: Option<(f64, usize, Mat<f64>)> = None;
     for depth in if short == long { vec![short] } else { vec![short, long] } {
-        let Some(held) = blocks(history, scaling, rule, depth, &noise) else { continue };
+        let Some(held) = blocks(history, (scaling, response), rule, depth, &noise) else {
+            continue;
+        };
         let P = stationary(&held, &spread, None);
         let J = size(&P, &spread);
         if J < best.as_ref().map_or(incumbent, |(J, ..)| *J) - margin {
@@ -94,7 +99,7 @@ fn size(P: &Mat<f64>, spread: &[f64]) -> f64 {
 /// channel), and [x(0) x(M)].
 fn windows(
     history: &History,
-    scaling: &Scaling,
+    (scaling, response): (&Scaling, Option<&OwnResponse>),
     rho: f64,
     depth: usize,
     noise: &[f64],
@@ -105,16 +110,19 @@ fn windows(
     for r in 0..history.recordings() {
         let (x, y) = (history.states(r), history.outputs(r));
         for k in 0..(y.len() / p + 1).saturating_sub(depth) {
-            for (j, sample) in y[k * p..(k + depth) * p].chunks_exact(p).enumerate() {
+            let u = history.window_inputs(r, k, depth);
+            let window = (&x[k * n..(k + depth + 1) * n], &y[k * p..(k + depth) * p], u);
+            let free = free_window(scaling, response, window);
+            for (j, sample) in free[..depth * (n + p)].chunks_exact(n + p).enumerate() {
                 let fading = rho.powi((depth - 1 - j) as i32).sqrt();
-                for (i, v) in scaling.deviations(&[], sample).enumerate() {
+                for (i, v) in sample[n..].iter().enumerate() {
                     U[(row, j * p + i)] =
                         if noise[i] > 0.0 { v * fading / noise[i].sqrt() } else { 0.0 };
                 }
             }
-            for (half, at) in [k, k + depth].into_iter().enumerate() {
-                let deviations = scaling.deviations(&x[at * n..(at + 1) * n], &[]);
-                deviations.enumerate().for_each(|(i, v)| A[(row, half * n + i)] = v);
+            for (half, at) in [0, depth].into_iter().enumerate() {
+                let state = &free[at * (n + p)..at * (n + p) + n];
+                state.iter().enumerate().for_each(|(i, v)| A[(row, half * n + i)] = *v);
             }
             row += 1;
         }
@@ -125,12 +133,12 @@ fn windows(
 /// What each block leaves; None where there are too few windows, or nothing finite comes out.
 fn blocks(
     history: &History,
-    scaling: &Scaling,
+    (scaling, response): (&Scaling, Option<&OwnResponse>),
     rule: &Defaults,
     depth: usize,
     noise: &[f64],
 ) -> Option<Vec<Block>> {
-    let (U, A) = windows(history, scaling, rule.rho, depth, noise);
+    let (U, A) = windows(history, (scaling, response), rule.rho, depth, noise);
     let N = U.nrows();
     if N < 2 * BLOCKS {
         return None;

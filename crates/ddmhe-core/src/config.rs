@@ -6,6 +6,7 @@ use crate::error::Error;
 use crate::history::History;
 use crate::space::Space;
 use crate::tol;
+use crate::variation::Rest;
 use serde::{Deserialize, Serialize};
 
 /// A box lo ≤ · ≤ hi; infinite entries are no bounds.
@@ -65,6 +66,29 @@ impl std::fmt::Display for Start {
     }
 }
 
+/// A known rest of the system, in the user's units.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Equilibrium {
+    /// State x_e (n).
+    pub x: Vec<f64>,
+    /// Output y_e (p).
+    pub y: Vec<f64>,
+    /// Inputs u_e (m) that hold it there; empty for a system without inputs.
+    pub u: Vec<f64>,
+}
+
+impl Equilibrium {
+    pub(crate) fn as_rest(&self) -> Rest<'_> {
+        Rest { x: &self.x, y: &self.y, u: &self.u }
+    }
+}
+
+impl From<Rest<'_>> for Equilibrium {
+    fn from(rest: Rest<'_>) -> Self {
+        Equilibrium { x: rest.x.to_vec(), y: rest.y.to_vec(), u: rest.u.to_vec() }
+    }
+}
+
 /// Settings of the estimator; every `None` is set by the documented rule of
 /// [`defaults`](crate::defaults).
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
@@ -86,8 +110,8 @@ pub struct Config {
     pub x_center: Center,
     /// Box on the fitted noise (16d).
     pub v_bounds: Option<Bounds>,
-    /// A known rest (x_e, y_e), added to the data as constant windows when the recording is noisy.
-    pub equilibrium: Option<(Vec<f64>, Vec<f64>)>,
+    /// A known rest, added to the data as constant windows when the recording is noisy.
+    pub equilibrium: Option<Equilibrium>,
     /// Where a run starts; `x_prior` needs [`Start::State`].
     pub start: Start,
     /// Which windows count as trajectories.
@@ -109,9 +133,9 @@ impl Config {
         validate(history, self)
     }
 
-    /// The known rest (x_e, y_e).
-    pub(crate) fn rest(&self) -> Option<(&[f64], &[f64])> {
-        self.equilibrium.as_ref().map(|(x, y)| (&x[..], &y[..]))
+    /// The known rest.
+    pub(crate) fn rest(&self) -> Option<Rest<'_>> {
+        self.equilibrium.as_ref().map(Equilibrium::as_rest)
     }
 
     /// What the cost is measured in, with `Auto` decided.
@@ -149,7 +173,7 @@ pub struct Settings {
 /// Every setting alone, before anything is computed.
 pub(crate) fn validate(history: &History, config: &Config) -> Result<(), Error> {
     let (n, p) = (history.n(), history.p());
-    check_weights(config, n, p)?;
+    check_weights(config, n, p, history.m())?;
     if config.horizon == Some(0) {
         return Err(Error::value("horizon", "at least 1", 0));
     }
@@ -165,15 +189,16 @@ pub(crate) fn validate(history: &History, config: &Config) -> Result<(), Error> 
     if let Some(bounds) = &config.v_bounds {
         check_box("v_bounds", bounds, &[p])?;
     }
-    if let Some((x, y)) = &config.equilibrium {
+    if let Some(Equilibrium { x, y, u }) = &config.equilibrium {
         check_vector("equilibrium", x, n)?;
         check_vector("equilibrium", y, p)?;
+        check_vector("equilibrium", u, history.m())?;
     }
     Ok(())
 }
 
 /// ρ and μ, or a certificate in their place.
-fn check_weights(config: &Config, n: usize, p: usize) -> Result<(), Error> {
+fn check_weights(config: &Config, n: usize, p: usize, m: usize) -> Result<(), Error> {
     match config.rho {
         Some(rho) if !(rho > 0.0 && rho < 1.0) => {
             return Err(Error::value("rho", "a number in (0, 1)", rho));
@@ -187,7 +212,7 @@ fn check_weights(config: &Config, n: usize, p: usize) -> Result<(), Error> {
         _ => {}
     }
     if let Some(certificate) = &config.certificate {
-        certificate.check(n, p)?;
+        certificate.check(n, p, m)?;
         check_beside_certificate(config)?;
     }
     if let Some(disturbance) = &config.disturbance {

@@ -44,9 +44,10 @@
 use crate::config::Config;
 use crate::error::Error;
 use crate::history::History;
-use crate::scaling::{Scaling, shared};
+use crate::scaling::{EXACT, Scaling, shared};
 use crate::space::{Penalty, Selection};
-use crate::variation::{fifth_differences, one_step};
+use crate::tol;
+use crate::variation::{Rest, fifth_differences, one_step};
 
 /// λ / (f μ).
 const WEIGHT: f64 = 0.03;
@@ -64,8 +65,6 @@ const LONGEST: usize = 100;
 /// better than the rule. Below it the motion is known, and what counts is how far it leaves the
 /// recording, of which the recording says nothing.
 const HIDDEN: f64 = 0.1;
-/// A misfit below this is rounding (a relative error of 1e-12).
-const EXACT: f64 = 1e-24;
 /// Relative noise above which a recording counts as noisy.
 const NOISY: f64 = 1e-6;
 
@@ -94,15 +93,15 @@ pub(crate) struct Defaults {
 impl Defaults {
     /// Applies the rule.
     ///
-    /// `rest` is a known equilibrium (x_e, y_e); on a noisy recording it counts as part of the
-    /// data, as in [`space`](crate::space).
-    pub fn new(history: &History, scaling: &Scaling, rest: Option<(&[f64], &[f64])>) -> Self {
-        let [f_x, f_y] = misfit(&scaling.one_step, scaling);
+    /// `rest` is a known equilibrium; on a noisy recording it counts as part of the data, as in
+    /// [`space`](crate::space).
+    pub fn new(history: &History, scaling: &Scaling, rest: Option<Rest<'_>>) -> Self {
+        let [f_x, f_y] = scaling.misfit(&scaling.one_step);
         let [noise_x, noise_y] = relative_noise(history, scaling);
         // Noise leaves a residual *and* fifth differences; curvature alone leaves one of the two.
         let noisy = noise_x.min(f_x.sqrt()).max(noise_y.min(f_y.sqrt())) > NOISY;
         let [f_x, f_y] = if noisy && rest.is_some() {
-            misfit(&one_step(history, rest), scaling)
+            scaling.misfit(&one_step(history, rest))
         } else {
             [f_x, f_y]
         };
@@ -149,8 +148,8 @@ impl Defaults {
         }
     }
 
-    /// Fewest outputs that tell motion from noise in a recording of n states; None for one that is
-    /// exactly linear. The horizon, given or the shortest of the rule, costs windows.
+    /// Fewest outputs that tell motion from noise in a recording of n states and inputs; None for one
+    /// that is exactly linear. The horizon, given or the shortest of the rule, costs windows.
     pub fn needed(&self, n: usize, horizon: Option<usize>) -> Option<usize> {
         let horizon = horizon.unwrap_or(HORIZON.0);
         (self.ratio > 0.0).then_some(((n + 1) * SAMPLES).max((n + 1) * WINDOWS + horizon - 1))
@@ -162,24 +161,6 @@ impl Defaults {
             if self.ratio > 0.0 { Penalty::Normalised(self.ratio * mu) } else { Penalty::None };
         Selection { rank: None, tol: None, penalty }
     }
-}
-
-/// Shares of the variance of x(k+1) and of y(k) that an affine function of x(k) leaves unexplained:
-/// pooled over the channels of one unit, at most 1, then averaged over the channels that move.
-/// `channels`: of [`one_step`] (n + p).
-fn misfit(channels: &[[f64; 2]], scaling: &Scaling) -> [f64; 2] {
-    let n = scaling.s_x.len();
-    let [x, y] = &scaling.moved;
-    [(0, &scaling.groups_x, x), (n, &scaling.groups_y, y)].map(|(first, groups, moved)| {
-        let groups: Vec<&Vec<usize>> = groups.iter().filter(|group| moved[group[0]]).collect();
-        let share = |group: &&Vec<usize>| {
-            let sum = |which: usize| group.iter().map(|&i| channels[first + i][which]).sum::<f64>();
-            let share = if sum(1) > 0.0 { (sum(0) / sum(1)).min(1.0) } else { 0.0 };
-            share * group.len() as f64
-        };
-        groups.iter().map(share).sum::<f64>()
-            / groups.iter().map(|group| group.len()).sum::<usize>().max(1) as f64
-    })
 }
 
 /// Noise of x and of y as fifth differences show it, relative to the deviations of each unit; root
@@ -198,4 +179,9 @@ fn relative_noise(history: &History, scaling: &Scaling) -> [f64; 2] {
         level(History::states, &scaling.unit_x, &scaling.groups_x),
         level(History::outputs, &scaling.unit_y, &scaling.groups_y),
     ]
+}
+
+/// Whether errors of the prior do not grow. False also for NaN, which no finite data should give.
+pub(crate) fn stable(spectral_radius: f64) -> bool {
+    spectral_radius <= tol::SPECTRAL_RADIUS
 }

@@ -1,19 +1,23 @@
 //! What an estimator computes at construction: settings, weights and the problems of all depths.
 
-use crate::certificate::smallest_contracting;
 use crate::challenge::challenge;
-use crate::config::{Bounds, Center, Config, Settings, Start, Weighting, validate};
-use crate::defaults::Defaults;
+use crate::config::{Bounds, Center, Config, Equilibrium, Settings, Start, Weighting, validate};
+use crate::defaults::{Defaults, stable};
 use crate::error::Error;
 use crate::error_bound::ErrorBound;
 use crate::excitation::check_excitation;
+use crate::first_window::{filled, first_window};
 use crate::history::History;
+use crate::inputs::InputWatch;
 use crate::magnitude::{check_reach, check_ridge, check_scales, check_sizes, check_weights};
 use crate::plan_builder::{Draft, Ground, Prepared, factorisation};
+use crate::remarks::Remarks;
+use crate::response::OwnResponse;
 use crate::scaling::Scaling;
 use crate::space::{Penalty, Selection, Space, TrajectorySpace, WindowStack};
-use crate::start::{Opening, filled, first_window, opening_weights};
+use crate::start::{Opening, opening_weights};
 use crate::tol;
+use crate::variation::Rest;
 use crate::watch::Watch;
 use crate::weights::Weights;
 use ddmhe_run::layout::Layout;
@@ -30,7 +34,8 @@ pub(crate) struct Design {
     pub x_bounds: Option<Bounds>,
     pub opening: OnceLock<Opening>, // once a run starts from an unknown state
     deepest: TrajectorySpace,       // of the horizon; others are computed where they are needed
-    rest: Option<(Vec<f64>, Vec<f64>)>, // that is part of the data
+    rest: Option<Equilibrium>,      // that is part of the data
+    pub response: Option<OwnResponse>, // to known inputs
     pub units: pulp::Arch,          // the machine's vector units
     pub ground: Arc<Ground>,        // what all depths share
     pub problems: Vec<Prepared>,    // of the depths that are kept, ascending, the last M
@@ -38,6 +43,7 @@ pub(crate) struct Design {
     pub spectral_radius: f64,
     pub warnings: Vec<String>,
     pub watch: Watch,
+    pub input_watch: InputWatch,
     pub bound: Option<ErrorBound>, // as it starts
     pub centered: bool,
 }
@@ -60,8 +66,11 @@ impl Design {
         let horizon = rule.horizon_for(config)?;
         check_excitation(history, horizon)?;
         let rest = config.rest().filter(|_| rule.noisy);
+        let response = OwnResponse::new(history, &scaling, horizon);
+        let scales = (&scaling, response.as_ref());
         let source = Source {
-            stack: WindowStack::new(history, &scaling, horizon, rest),
+            stack: WindowStack::new(history, scales, horizon, rest),
+            response: response.as_ref(),
             history,
             config,
             scaling: &scaling,
@@ -70,7 +79,7 @@ impl Design {
         };
         let deepest = source.deepest(&rule, horizon)?;
         let open = leaves_all_open(config) && rest.is_none();
-        if open && let Some(other) = challenge(history, &scaling, &rule, deepest.space.lambda) {
+        if open && let Some(other) = challenge(history, scales, &rule, deepest.space.lambda) {
             return Design::by(history, config, start, other);
         }
         source.design(start, &rule, deepest)
@@ -93,9 +102,9 @@ impl Design {
 
     /// The spaces of some depths, as they were at construction.
     fn spaces(&self, depths: impl Iterator<Item = usize>) -> Vec<TrajectorySpace> {
-        let rest = self.rest.as_ref().map(|(x, y)| (&x[..], &y[..]));
-        let horizon = self.settings.horizon;
-        let stack = WindowStack::new(&self.history, &self.scaling, horizon, rest);
+        let rest = self.rest.as_ref().map(Equilibrium::as_rest);
+        let scales = (&self.scaling, self.response.as_ref());
+        let stack = WindowStack::new(&self.history, scales, self.settings.horizon, rest);
         depths.map(|depth| stack.space(depth, &self.selection)).collect()
     }
 
@@ -147,8 +156,9 @@ struct Source<'a> {
     history: &'a History,
     config: &'a Config,
     scaling: &'a Scaling,
+    response: Option<&'a OwnResponse>,
     weights: &'a Weights,
-    rest: Option<(&'a [f64], &'a [f64])>,
+    rest: Option<Rest<'a>>,
 }
 
 /// The problem of the horizon.
@@ -227,6 +237,8 @@ impl Source<'_> {
         let sizes = Sizes {
             n: history.n(),
             p: history.p(),
+            m: history.m(),
+            lag: self.response.map_or(1, |response| response.sizes().lag),
             horizon,
             rank,
             filled,
@@ -237,8 +249,8 @@ impl Source<'_> {
         };
         let boxes = (config.x_bounds.as_ref(), config.v_bounds.as_ref());
         let x_prior = config.x_prior.as_deref();
-        let (states, outputs) = first_window(history, scaling, start, filled, x_prior);
-        Arc::new(Ground::new(sizes, scaling, weights, boxes, (&states, &outputs)))
+        let first = first_window((history, scaling), start, filled, x_prior);
+        Arc::new(Ground::new(sizes, (scaling, self.response), weights, boxes, &first))
     }
 
     /// With the problems of the shorter windows too.
@@ -260,8 +272,9 @@ impl Source<'_> {
         drop((spaces, self.stack));
         let mut problems = Draft::all_on(drafts, &ground);
         let growing = problems.split_off(count);
-        let Remarks { watch, bound, warnings } =
-            Remarks::new(history, config, rule, &settings, radius);
+        let scales = (self.scaling, self.response);
+        let Remarks { watch, input_watch, bound, warnings } =
+            Remarks::new(history, config, scales, rule, (&settings, radius));
         Ok(Design {
             history: history.clone(),
             x_bounds: config.x_bounds.clone(),
@@ -269,7 +282,8 @@ impl Source<'_> {
             opening: opening
                 .map(|weights| Opening { problems: growing, weights }.into())
                 .unwrap_or_default(),
-            rest: self.rest.map(|(x, y)| (x.to_vec(), y.to_vec())),
+            rest: self.rest.map(Equilibrium::from),
+            response: self.response.cloned(),
             place: places(&problems, horizon),
             spectral_radius: radius,
             centered: config.x_center == Center::History,
@@ -281,6 +295,7 @@ impl Source<'_> {
             selection,
             problems,
             watch,
+            input_watch,
             bound,
             warnings,
         })
@@ -294,34 +309,6 @@ fn leaves_all_open(config: &Config) -> bool {
         && config.mu.is_none()
         && config.space == Space::Auto
         && config.weighting() == Weighting::Scaled
-}
-
-/// What a run is watched with, and what the recording and the settings give to say.
-struct Remarks {
-    watch: Watch,
-    bound: Option<ErrorBound>,
-    warnings: Vec<String>,
-}
-
-impl Remarks {
-    fn new(
-        history: &History,
-        config: &Config,
-        rule: &Defaults,
-        settings: &Settings,
-        radius: f64,
-    ) -> Self {
-        let (watch, mut words) = Watch::new(history);
-        words.extend(too_little(history, config, rule, settings.horizon));
-        words.extend(warnings(config, settings, radius));
-        let bound =
-            ErrorBound::new(config.certificate.as_ref(), config.disturbance.as_ref(), history)
-                .unwrap_or_else(|why| {
-                    words.push(why);
-                    None
-                });
-        Remarks { watch, bound, warnings: words }
-    }
 }
 
 /// Depths of the windows of a run that begins with so many outputs, the horizon first: every one
@@ -356,62 +343,11 @@ pub(crate) fn prepared(history: &History, config: &Config) -> Result<(Scaling, D
     check_scales(&scaling)?;
     check_reach("x_prior", &scaling, config.x_prior.as_deref().unwrap_or(&[]), &[])?;
     let rest = config.rest();
-    let (x_e, y_e) = rest.unwrap_or_default();
-    check_reach("equilibrium", &scaling, x_e, y_e)?;
+    if let Some(Rest { x, y, .. }) = rest {
+        check_reach("equilibrium", &scaling, x, y)?;
+    }
     let rule = Defaults::new(history, &scaling, rest);
     Ok((scaling, rule))
-}
-
-/// That the recording is too short for its noise, with the length that would do.
-fn too_little(
-    history: &History,
-    config: &Config,
-    rule: &Defaults,
-    horizon: usize,
-) -> Option<String> {
-    let (T, windows) = (history.T(), history.windows(horizon));
-    let needed = rule.needed(history.n(), config.horizon)?;
-    (T < needed).then(|| {
-        format!(
-            "the recording is too short to tell motion from noise: {T} outputs, {windows} \
-            windows of the horizon M = {horizon}, for n = \
-             {} states; {} outputs would do",
-            history.n(),
-            needed,
-        )
-    })
-}
-
-/// What a user should know about these settings, in words.
-fn warnings(config: &Config, settings: &Settings, spectral_radius: f64) -> Vec<String> {
-    let mut warnings = Vec::new();
-    if !stable(spectral_radius) {
-        warnings.push(format!(
-            "the map from prior to estimate has spectral radius {spectral_radius:.4} (limit {}): \
-            estimation errors may grow; try another horizon, a larger mu or a smaller rank",
-            tol::SPECTRAL_RADIUS
-        ));
-    }
-    let contraction = 4.0 * settings.rho.powf(settings.horizon as f64);
-    let asked_for =
-        config.certificate.is_none() && (config.horizon.is_some() || config.rho.is_some());
-    if asked_for && contraction >= 1.0 {
-        warnings.push(format!(
-            "4 rho^M = {contraction:.4} with rho = {:.6}, M = {}, not below 1 as (33) asks for \
-            errors that are sure to shrink; M = {} would \
-             do",
-            settings.rho,
-            settings.horizon,
-            smallest_contracting(settings.rho)
-        ));
-    }
-    if config.equilibrium.is_some() && !settings.equilibrium_used {
-        warnings.push(
-            "equilibrium: not used, the recording shows no noise and is more accurate without it"
-                .into(),
-        );
-    }
-    warnings
 }
 
 /// The chosen space in normalised units.
@@ -440,9 +376,4 @@ fn spectral_radius(problem: &Draft) -> f64 {
         .prior_map
         .eigenvalues()
         .map_or(f64::NAN, |values| values.iter().map(|z| z.norm()).fold(0.0, f64::max))
-}
-
-/// False also for NaN, which no finite data should give.
-pub(crate) fn stable(spectral_radius: f64) -> bool {
-    spectral_radius <= tol::SPECTRAL_RADIUS
 }

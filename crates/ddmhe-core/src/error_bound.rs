@@ -33,6 +33,7 @@ use faer::linalg::solvers::SolveLstsq;
 pub(crate) struct ErrorBound {
     n: usize,
     p: usize,
+    m: usize,
     eta: f64,
     growth: f64, // infinite when unknown
     model: Option<Model>,
@@ -58,8 +59,9 @@ impl ErrorBound {
         let (Some(certificate), Some(disturbance)) = (certificate, disturbance) else {
             return Ok(None);
         };
-        let (n, p, model) = (history.n(), history.p(), true_model(certificate, history)?);
-        Ok(ErrorBound::of(certificate, model, disturbance, n, p))
+        let (sizes, model) =
+            ((history.n(), history.p(), history.m()), true_model(certificate, history)?);
+        Ok(ErrorBound::of(certificate, model, disturbance, sizes))
     }
 
     /// None when the certificate's matrices cannot be factored (they were checked before).
@@ -67,8 +69,7 @@ impl ErrorBound {
         c: &Certificate,
         model: Option<Model>,
         disturbance: &Disturbance,
-        n: usize,
-        p: usize,
+        (n, p, m): (usize, usize, usize),
     ) -> Option<Self> {
         let (U_P, U_Q, U_R) = (factor(&c.P, n)?, factor(&c.Q, n)?, factor(&c.R, p)?);
         let [(smallest, largest), (_, largest_Q), (_, largest_R)] =
@@ -78,6 +79,7 @@ impl ErrorBound {
         Some(ErrorBound {
             n,
             p,
+            m,
             eta: c.eta,
             growth: c.growth.unwrap_or(f64::INFINITY),
             model,
@@ -141,13 +143,13 @@ impl ErrorBound {
     }
 
     /// The bound on ‖x̂(t) - x(t)‖ from the window x̂(·|t) ((m+1)·n), its outputs by entry with
-    /// their fitted noise (m·p, NaN where not measured), and the past estimates of the same times
-    /// by entry (the prior first), all in the user's units.
+    /// their fitted noise (m·p, NaN where not measured), its inputs by entry, and the past estimates
+    /// of the same times by entry (the prior first), all in the user's units.
     pub fn advance(
         &mut self,
         window: &[f64],
-        output: impl Fn(usize) -> f64,
-        v_hat: &[f64],
+        (output, v_hat): (impl Fn(usize) -> f64, &[f64]),
+        input: impl Fn(usize) -> f64,
         past: impl Fn(usize) -> f64,
     ) -> f64 {
         let (n, p) = (self.n, self.p);
@@ -159,17 +161,18 @@ impl ErrorBound {
             (0..n).for_each(|i| w[i] = x[i] - past(k * n + i));
             s = s.min(norm(&self.U_P, w) + self.errors[k]);
             // ŵ and v̂; without a model the window counts as a trajectory of the true system
+            let u = |j: usize| input(k * self.m + j);
             match &self.model {
-                Some(model) => {
-                    residual(&model.A, &model.e, x, |i| x_next[i], w);
-                    residual(&model.C, &model.r, x, |i| output(k * p + i), v);
+                Some(Model { A, B, C, D, e, r, .. }) => {
+                    residual([A, B, e], x, u, |i| x_next[i], w);
+                    residual([C, D, r], x, u, |i| output(k * p + i), v);
                 }
                 None => {
                     w.fill(0.0);
                     v.copy_from_slice(&v_hat[k * p..(k + 1) * p]);
                 }
             }
-            s = self.across(x, w, v, s);
+            s = self.across((x, u), (w, v), s);
         }
         self.room = room;
         self.errors.push(s);
@@ -177,8 +180,13 @@ impl ErrorBound {
     }
 
     /// (L) over one sample from x with the residuals ŵ and v̂: s(k+1) from s(k).
-    fn across(&self, x: &[f64], w_hat: &[f64], v_hat: &[f64], s: f64) -> f64 {
-        let (spread_w, spread_v) = self.spread(x);
+    fn across(
+        &self,
+        (x, u): (&[f64], impl Fn(usize) -> f64),
+        (w_hat, v_hat): (&[f64], &[f64]),
+        s: f64,
+    ) -> f64 {
+        let (spread_w, spread_v) = self.spread(x, u);
         let W = norm(&self.U_Q, w_hat) + spread_w + self.W;
         let blind = if s == 0.0 { W } else { self.growth * s + W };
         if v_hat.iter().any(|v| v.is_nan()) {
@@ -188,14 +196,18 @@ impl ErrorBound {
         blind.min((self.eta * s * s + W * W + V * V).sqrt())
     }
 
-    /// How far the true system's next state and output at x may be from the model's, in ‖·‖_Q and
-    /// ‖·‖_R.
-    fn spread(&self, x: &[f64]) -> (f64, f64) {
+    /// How far the true system's next state and output at x and u may be from the model's, in ‖·‖_Q
+    /// and ‖·‖_R.
+    fn spread(&self, x: &[f64], input: impl Fn(usize) -> f64) -> (f64, f64) {
         let Some(u) = self.model.as_ref().and_then(|m| m.uncertainty.as_ref()) else {
             return (0.0, 0.0);
         };
-        let size = x.len() + 1;
-        let z = |i: usize| x.get(i).copied().unwrap_or(1.0);
+        let (n, size) = (x.len(), x.len() + self.m + 1);
+        let z = |i: usize| match i {
+            i if i < n => x[i],
+            i if i + 1 < size => input(i - n),
+            _ => 1.0,
+        };
         let square: f64 = (0..size * size).map(|k| z(k / size) * u.metric[k] * z(k % size)).sum();
         let q = square.max(0.0).sqrt();
         (u.w * q, u.v * q)
@@ -230,8 +242,8 @@ fn true_model(certificate: &Certificate, history: &History) -> Result<Option<Mod
     }
 }
 
-/// Samples [x(k); x(k+1); y(k)] of a recording.
-fn samples(history: &History) -> impl Iterator<Item = [&[f64]; 3]> {
+/// Samples [x(k); x(k+1); y(k); u(k)] of a recording.
+fn samples(history: &History) -> impl Iterator<Item = [&[f64]; 4]> {
     let n = history.n();
     (0..history.recordings()).flat_map(move |i| {
         let (x, y) = (history.states(i), history.outputs(i));
@@ -239,18 +251,23 @@ fn samples(history: &History) -> impl Iterator<Item = [&[f64]; 3]> {
         x.chunks_exact(n)
             .zip(next)
             .zip(y.chunks_exact(history.p()))
-            .map(|((x, next), y)| [x, next, y])
+            .enumerate()
+            .map(move |(k, ((x, next), y))| [x, next, y, history.window_inputs(i, k, 1)])
     })
 }
 
 /// e and r of a recording that is a trajectory of (A, C) to rounding.
 fn offsets(model: &Model, history: &History) -> Option<(Vec<f64>, Vec<f64>)> {
-    let (n, p, T) = (history.n(), history.p(), history.T() as f64);
+    let (n, p, m, T) = (history.n(), history.p(), history.m(), history.T() as f64);
     // what a sample leaves of entry i of [x(k+1); y(k)], and the size of the numbers behind it
-    let left = |[x, next, y]: [&[f64]; 3], i: usize| {
-        let (row, target) =
-            if i < n { (&model.A[i * n..], next[i]) } else { (&model.C[(i - n) * n..], y[i - n]) };
-        row.iter().zip(x).fold((target, target.abs()), |(left, size), (a, x)| {
+    let left = |[x, next, y, u]: [&[f64]; 4], i: usize| {
+        let (row, of_u, target) = if i < n {
+            (&model.A[i * n..(i + 1) * n], &model.B[i * m..], next[i])
+        } else {
+            (&model.C[(i - n) * n..(i - n + 1) * n], &model.D[(i - n) * m..], y[i - n])
+        };
+        let entries = row.iter().zip(x).chain(of_u.iter().zip(u));
+        entries.fold((target, target.abs()), |(left, size), (a, x)| {
             (left - a * x, size + (a * x).abs())
         })
     };
@@ -271,9 +288,9 @@ fn offsets(model: &Model, history: &History) -> Option<(Vec<f64>, Vec<f64>)> {
 /// Whether some affine system has the recording as its trajectory, to rounding and with a sample to
 /// spare.
 fn is_affine(history: &History) -> bool {
-    let (n, p, T) = (history.n(), history.p(), history.T());
-    let all: Vec<[&[f64]; 3]> = samples(history).collect();
-    if T <= n + 1 {
+    let (n, p, m, T) = (history.n(), history.p(), history.m(), history.T());
+    let all: Vec<[&[f64]; 4]> = samples(history).collect();
+    if T <= n + m + 1 {
         return false;
     }
     let mean = |part: usize, i: usize| all.iter().map(|s| s[part][i]).sum::<f64>() / T as f64;
@@ -281,29 +298,32 @@ fn is_affine(history: &History) -> bool {
         let means: Vec<f64> = (0..width).map(|i| mean(pick(i).0, pick(i).1)).collect();
         Mat::from_fn(T, width, |k, i| all[k][pick(i).0][pick(i).1] - means[i])
     };
-    let X = centred(n, &|i| (0, i));
+    let X = centred(n + m, &|i| if i < n { (0, i) } else { (3, i - n) });
     let Y = centred(n + p, &|i| if i < n { (1, i) } else { (2, i - n) });
-    let theta = X.col_piv_qr().solve_lstsq(&Y); // n × (n+p)
+    let theta = X.col_piv_qr().solve_lstsq(&Y); // (n+m) × (n+p)
     let residual = &Y - &X * &theta;
     let largest = |part: usize, i: usize| all.iter().fold(0.0_f64, |m, s| m.max(s[part][i].abs()));
     (0..n + p).all(|i| {
         let own = if i < n { largest(1, i) } else { largest(2, i - n) };
-        let size = own + (0..n).map(|j| theta[(j, i)].abs() * largest(0, j)).sum::<f64>();
+        let at = |j: usize| if j < n { largest(0, j) } else { largest(3, j - n) };
+        let size = own + (0..n + m).map(|j| theta[(j, i)].abs() * at(j)).sum::<f64>();
         residual.col(i).iter().all(|r| r.abs() <= tol::TRAJECTORY * size)
     })
 }
 
-/// target - (matrix x + offset), into `out`.
+/// target - (A x + B u + offset), into `out`.
 fn residual(
-    matrix: &[f64],
-    offset: &[f64],
+    [A, B, offset]: [&[f64]; 3],
     x: &[f64],
+    u: impl Fn(usize) -> f64,
     target: impl Fn(usize) -> f64,
     out: &mut [f64],
 ) {
+    let m = B.len() / out.len();
     for (i, out) in out.iter_mut().enumerate() {
-        let row = &matrix[i * x.len()..(i + 1) * x.len()];
+        let row = &A[i * x.len()..(i + 1) * x.len()];
         *out = target(i) - offset[i] - row.iter().zip(x).map(|(a, b)| a * b).sum::<f64>();
+        *out -= (0..m).map(|j| B[i * m + j] * u(j)).sum::<f64>();
     }
 }
 

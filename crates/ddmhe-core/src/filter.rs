@@ -7,17 +7,20 @@
 //! rounding; what goes beyond numbers that can be computed with is left to it.
 
 use crate::config::{Config, Start, validate};
-use crate::defaults::Defaults;
-use crate::design::{Design, depths, prepared, select, stable};
+use crate::defaults::{Defaults, stable};
+use crate::design::{Design, depths, prepared, select};
 use crate::error::Error;
 use crate::excitation::check_excitation;
+use crate::first_window::filled;
 use crate::history::History;
 use crate::magnitude::{check_ridge, check_weights};
+use crate::mhe::Signals;
 use crate::reduction::gain;
+use crate::response::OwnResponse;
 use crate::scaling::Scaling;
 use crate::space::{Selection, Space, TrajectorySpace, WindowStack};
-use crate::start::filled;
 use crate::tol;
+use crate::variation::Rest;
 use crate::weights::Weights;
 use ddmhe_run::layout::Layout;
 use faer::Mat;
@@ -49,6 +52,7 @@ pub(crate) struct Filters<'a> {
     history: &'a History,
     config: &'a Config,
     scaling: Scaling,
+    response: Option<OwnResponse>,
     horizon: usize,
     settings: Vec<Option<Setting>>, // None: it cannot be used here
 }
@@ -71,24 +75,32 @@ impl<'a> Filters<'a> {
             // with a full window from the start: the one depth at which the choice is made
             let design = Design::new(history, config, Start::Recording)?;
             let (horizon, rested) = (design.settings.horizon, design.settings.equilibrium_used);
-            let windows =
-                Windows::new(history, &design.scaling, horizon, config.rest().filter(|_| rested));
+            let scales = (&design.scaling, design.response.as_ref());
+            let rest = config.rest().filter(|_| rested);
+            let windows = Windows::new(history, scales, horizon, rest);
             let settings = vec![windows.setting(design.weights.clone(), design.selection)];
             let settings = windows.deepened(settings, config, &going);
-            return Ok(Filters { history, config, scaling: design.scaling, horizon, settings });
+            let Design { scaling, response, .. } = design;
+            return Ok(Filters { history, config, scaling, response, horizon, settings });
         };
         let (scaling, rule) = prepared(history, config)?;
         check_excitation(history, horizon)?;
-        let windows =
-            Windows::new(history, &scaling, horizon, config.rest().filter(|_| rule.noisy));
+        let response = OwnResponse::new(history, &scaling, horizon);
+        let (scales, rest) = ((&scaling, response.as_ref()), config.rest());
+        let windows = Windows::new(history, scales, horizon, rest.filter(|_| rule.noisy));
         let setting = |config: &&Config| going().then(|| windows.guarded(config, &rule)).flatten();
         let settings = windows.deepened(configs.iter().map(setting).collect(), config, &going);
-        Ok(Filters { history, config, scaling, horizon, settings })
+        Ok(Filters { history, config, scaling, response, horizon, settings })
     }
 
-    /// Spectral radius of setting `k` and its estimates (N·n) of outputs (N·p), from a prior if it
-    /// starts from a state; None if it cannot be used, or if a number is out of reach.
-    pub fn run(&self, k: usize, x_prior: &[f64], outputs: &[f64]) -> Option<(f64, Vec<f64>)> {
+    /// Spectral radius of setting `k` and its estimates (N·n) of outputs (N·p) and inputs (N·m), from
+    /// a prior if it starts from a state; None if it cannot be used, or if a number is out of reach.
+    pub fn run(
+        &self,
+        k: usize,
+        x_prior: &[f64],
+        Signals { y: outputs, u }: Signals<'_>,
+    ) -> Option<(f64, Vec<f64>)> {
         let setting = self.settings[k].as_ref()?;
         let (n, p) = (self.history.n(), self.history.p());
         let last = self.history.recordings() - 1;
@@ -100,6 +112,12 @@ impl<'a> Filters<'a> {
             first.chunks_exact(n).flat_map(|x| self.scaling.deviations(x, &[])).collect();
         let before = y[y.len() - filled * p..].chunks_exact(p);
         let mut past: Vec<f64> = before.flat_map(|y| self.scaling.deviations(&[], y)).collect();
+        let m = self.history.m();
+        let mut inputs: Vec<f64> = {
+            let before = self.history.window_inputs(last, y.len() / p - filled, filled);
+            self.scaling.input_deviations(before).chain(self.scaling.input_deviations(u)).collect()
+        };
+        inputs.truncate((filled + outputs.len() / p) * m);
         let mut estimates = Vec::with_capacity(outputs.len() / p * n);
         for y in outputs.chunks_exact(p) {
             past.extend(self.scaling.deviations(&[], y));
@@ -107,7 +125,15 @@ impl<'a> Filters<'a> {
             let (depth, gain) = setting.gains.iter().find(|(depth, _)| *depth <= seen)?;
             let start = seen - depth;
             let (prior, window) = (&states[start * n..(start + 1) * n], &past[start * p..]);
-            let next: Vec<f64> = (0..n).map(|i| gain.row(i, prior, window)).collect();
+            let next: Vec<f64> = match &self.response {
+                None => (0..n).map(|i| gain.row(i, prior, window)).collect(),
+                Some(response) => {
+                    let (x_f, y_f) = response.forced(&inputs[start * m..seen * m]);
+                    let free: Vec<f64> = window.iter().zip(&y_f).map(|(y, f)| y - f).collect();
+                    let moved = &x_f[depth * n..];
+                    (0..n).map(|i| gain.row(i, prior, &free) + moved[i]).collect()
+                }
+            };
             estimates.extend(next.iter().enumerate().map(|(i, x)| self.scaling.state(i, *x)));
             states.extend(next);
         }
@@ -127,16 +153,12 @@ struct Windows<'a> {
 impl<'a> Windows<'a> {
     fn new(
         history: &'a History,
-        scaling: &'a Scaling,
+        scales: (&'a Scaling, Option<&'a OwnResponse>),
         horizon: usize,
-        rest: Option<(&[f64], &[f64])>,
+        rest: Option<Rest<'a>>,
     ) -> Self {
-        Windows {
-            history,
-            scaling,
-            horizon,
-            stack: WindowStack::new(history, scaling, horizon, rest),
-        }
+        let stack = WindowStack::new(history, scales, horizon, rest);
+        Windows { history, scaling: scales.0, horizon, stack }
     }
 
     /// A setting with the map of the deepest window.

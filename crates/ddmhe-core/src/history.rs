@@ -5,26 +5,31 @@ use crate::error::Error;
 use crate::hankel::BlockHankel;
 use serde::{Deserialize, Serialize};
 
-/// One uninterrupted recording x[0..=T], y[0..T), both time-major.
+/// One uninterrupted recording x[0..=T], y[0..T), u[0..T), all time-major.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Recording {
     pub x: Vec<f64>, // (T+1)·n
     pub y: Vec<f64>, // T·p
+    pub u: Vec<f64>, // T·m
 }
 
 /// Validated recordings of one system: the data that stand in for its model.
 ///
 /// States x (n channels) and outputs y (p channels) were taken together; each recording has one
-/// more state than outputs, x[-T..0] and y[-T..-1] of Liu 2026, Section III. Several recordings may
-/// be joined with [`History::concat`]; no window ever crosses a seam.
+/// more state than outputs, x[-T..0] and y[-T..-1] of Liu 2026, Section III. Known inputs u (m
+/// channels, [`History::with_inputs`]) were applied at the instants of the outputs: u(k) acts on
+/// x(k+1), and y(k) may depend on it. Several recordings may be joined with [`History::concat`]; no
+/// window ever crosses a seam.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct History {
     n: usize,
     p: usize,
+    m: usize,
     dt: f64,
     recordings: Vec<Recording>,
     x_units: Vec<String>, // one a channel, "" where unknown
     y_units: Vec<String>,
+    u_units: Vec<String>,
 }
 
 impl History {
@@ -65,9 +70,37 @@ impl History {
         }
         check_finite("x", x, n)?;
         check_finite("y", y, p)?;
-        let recordings = vec![Recording { x: x.to_vec(), y: y.to_vec() }];
-        let unknown = |channels: usize| vec![String::new(); channels];
-        Ok(History { n, p, dt, recordings, x_units: unknown(n), y_units: unknown(p) })
+        let recordings = vec![Recording { x: x.to_vec(), y: y.to_vec(), u: Vec::new() }];
+        let (x_units, y_units, u_units) = (unknown(n), unknown(p), Vec::new());
+        Ok(History { n, p, m: 0, dt, recordings, x_units, y_units, u_units })
+    }
+
+    /// The same history with its m known inputs: T·m numbers, time-major, u(k) at the instant of
+    /// y(k). Of several recordings, those of one after the other.
+    ///
+    /// # Errors
+    /// [`Error::Shape`] for another number of them or none, [`Error::NotFinite`].
+    pub fn with_inputs(mut self, m: usize, u: &[f64]) -> Result<Self, Error> {
+        let T = self.T();
+        if m == 0 {
+            return Err(Error::shape("u", "at least one input channel", "none"));
+        }
+        if u.len() != T * m {
+            let expected = format!("{T} samples of m = {m} inputs, as many as of y");
+            let found = match u.len().is_multiple_of(m) {
+                true => format!("{} samples", u.len() / m),
+                false => format!("{} numbers", u.len()),
+            };
+            return Err(Error::shape("u", expected, found));
+        }
+        check_finite("u", u, m)?;
+        let mut rest = u;
+        for recording in &mut self.recordings {
+            let (own, after) = rest.split_at(recording.y.len() / self.p * m);
+            (recording.u, rest) = (own.to_vec(), after);
+        }
+        (self.m, self.u_units) = (m, unknown(m));
+        Ok(self)
     }
 
     /// The same history with the units of its channels: channels of one unit share a scale. Each
@@ -86,6 +119,15 @@ impl History {
         Ok(self)
     }
 
+    /// The same history with the units of its inputs, as in [`with_units`](Self::with_units).
+    ///
+    /// # Errors
+    /// [`Error::Shape`] for a list of another length.
+    pub fn with_input_units<S: AsRef<str>>(mut self, u_units: &[S]) -> Result<Self, Error> {
+        self.u_units = units("u_units", u_units, self.m)?;
+        Ok(self)
+    }
+
     /// Units of the states, one a channel; "" where unknown.
     pub fn x_units(&self) -> &[String] {
         &self.x_units
@@ -94,6 +136,11 @@ impl History {
     /// Units of the outputs, one a channel; "" where unknown.
     pub fn y_units(&self) -> &[String] {
         &self.y_units
+    }
+
+    /// Units of the inputs, one a channel; "" where unknown.
+    pub fn u_units(&self) -> &[String] {
+        &self.u_units
     }
 
     /// Joins recordings of one system; windows never cross a seam.
@@ -107,16 +154,18 @@ impl History {
             .ok_or_else(|| Error::shape("histories", "at least one History", "an empty list"))?;
         let mut joined = first.clone();
         for h in &histories[1..] {
-            if (h.n, h.p) != (first.n, first.p) {
+            if (h.n, h.p, h.m) != (first.n, first.p, first.m) {
                 return Err(Error::shape(
                     "histories",
-                    format!("n = {}, p = {} in every recording", first.n, first.p),
-                    format!("n = {}, p = {}", h.n, h.p),
+                    format!("{} in every recording", first.sizes()),
+                    h.sizes(),
                 ));
             }
-            for (name, mine, others) in
-                [("x_units", &first.x_units, &h.x_units), ("y_units", &first.y_units, &h.y_units)]
-            {
+            for (name, mine, others) in [
+                ("x_units", &first.x_units, &h.x_units),
+                ("y_units", &first.y_units, &h.y_units),
+                ("u_units", &first.u_units, &h.u_units),
+            ] {
                 if mine != others {
                     return Err(Error::value(
                         "histories",
@@ -142,9 +191,49 @@ impl History {
         let parts: Result<Vec<History>, Error> = self
             .recordings
             .iter()
-            .map(|r| History::new(self.n, self.p, &r.x, &r.y, self.dt))
+            .map(|r| {
+                let free = History::new(self.n, self.p, &r.x, &r.y, self.dt)?;
+                if self.m > 0 { free.with_inputs(self.m, &r.u) } else { Ok(free) }
+            })
             .collect();
-        History::concat(&parts?)?.with_units(&self.x_units, &self.y_units)
+        let joined = History::concat(&parts?)?.with_units(&self.x_units, &self.y_units)?;
+        if self.m > 0 { joined.with_input_units(&self.u_units) } else { Ok(joined) }
+    }
+
+    /// The same with the inputs of the sample before, where each counts a sample `late`r, or of the
+    /// sample after; None where a recording has no two samples.
+    pub(crate) fn shifted_inputs(&self, late: bool) -> Option<Self> {
+        let (n, p, m) = (self.n, self.p, self.m);
+        let mut shifted = self.clone();
+        for r in &mut shifted.recordings {
+            let T = r.y.len() / p;
+            (T > 1).then_some(())?;
+            if late {
+                (r.x, r.y) = (r.x[n..].to_vec(), r.y[p..].to_vec());
+                r.u.truncate((T - 1) * m);
+            } else {
+                r.x.truncate(T * n);
+                r.y.truncate((T - 1) * p);
+                r.u = r.u[m..].to_vec();
+            }
+        }
+        Some(shifted)
+    }
+
+    /// Channels, in words.
+    fn sizes(&self) -> String {
+        match self.m {
+            0 => format!("n = {}, p = {}", self.n, self.p),
+            m => format!("n = {}, p = {}, m = {m}", self.n, self.p),
+        }
+    }
+
+    /// The same without its inputs.
+    pub fn without_inputs(&self) -> Self {
+        let mut free = self.clone();
+        (free.m, free.u_units) = (0, Vec::new());
+        free.recordings.iter_mut().for_each(|r| r.u = Vec::new());
+        free
     }
 
     /// Number of states n.
@@ -155,6 +244,11 @@ impl History {
     /// Number of outputs p.
     pub fn p(&self) -> usize {
         self.p
+    }
+
+    /// Number of known inputs m; 0 for a system without.
+    pub fn m(&self) -> usize {
+        self.m
     }
 
     /// Number of output samples T, over all recordings.
@@ -189,6 +283,14 @@ impl History {
         self.recording(i).map(|r| &r.y[..])
     }
 
+    /// Input samples of recording `i`, Tᵢ·m numbers.
+    ///
+    /// # Errors
+    /// [`Error::Value`] when there is no such recording.
+    pub fn u(&self, i: usize) -> Result<&[f64], Error> {
+        self.recording(i).map(|r| &r.u[..])
+    }
+
     fn recording(&self, i: usize) -> Result<&Recording, Error> {
         let last = self.recordings.len() - 1;
         self.recordings
@@ -204,6 +306,16 @@ impl History {
     /// As [`y`](Self::y), for a recording that is known to be there.
     pub(crate) fn outputs(&self, i: usize) -> &[f64] {
         &self.recordings[i].y
+    }
+
+    /// As [`u`](Self::u), for a recording that is known to be there.
+    pub(crate) fn inputs(&self, i: usize) -> &[f64] {
+        &self.recordings[i].u
+    }
+
+    /// Inputs of the window of `depth` outputs that begins with sample k of recording i.
+    pub(crate) fn window_inputs(&self, i: usize, k: usize, depth: usize) -> &[f64] {
+        &self.recordings[i].u[k * self.m..(k + depth) * self.m]
     }
 
     /// The last recorded state x(0).
@@ -227,6 +339,11 @@ impl History {
             ))
         })
     }
+}
+
+/// The units of channels that have none.
+fn unknown(channels: usize) -> Vec<String> {
+    vec![String::new(); channels]
 }
 
 /// One unit a channel, from as many or from one for all.

@@ -5,7 +5,7 @@ use crate::error::Error;
 use crate::estimate::Log;
 use crate::history::History;
 use crate::interrupt::on_all_cores;
-use crate::mhe::DdMhe;
+use crate::mhe::{DdMhe, Signals};
 use std::sync::atomic::{AtomicBool, Ordering};
 
 /// [`DdMhe::run`] of many estimators over as many logs, on all cores: the same numbers, in the same
@@ -19,14 +19,14 @@ use std::sync::atomic::{AtomicBool, Ordering};
 /// others have run.
 pub fn run_many(
     estimators: &mut [&mut DdMhe],
-    logs: &[&[f64]],
+    logs: &[Signals<'_>],
     stop: &mut dyn FnMut(usize) -> bool,
 ) -> Result<Vec<Log>, Error> {
     same_length(estimators.len(), logs.len())?;
     let items = estimators.iter_mut().zip(logs).collect();
     collected(on_all_cores(
         items,
-        |(estimator, log), stopped| until(estimator, log, stopped),
+        |(estimator, log), stopped| until(estimator, *log, stopped),
         stop,
     )?)
 }
@@ -39,10 +39,10 @@ pub fn run_many(
 /// The first log's error, in order; as for [`DdMhe::run`].
 pub fn run_copies(
     estimator: &DdMhe,
-    logs: &[&[f64]],
+    logs: &[Signals<'_>],
     stop: &mut dyn FnMut(usize) -> bool,
 ) -> Result<Vec<Log>, Error> {
-    let run = |log: &[f64], stopped: &AtomicBool| until(&mut estimator.clone(), log, stopped);
+    let run = |log: Signals<'_>, stopped: &AtomicBool| until(&mut estimator.clone(), log, stopped);
     collected(on_all_cores(logs.to_vec(), run, stop)?)
 }
 
@@ -54,17 +54,17 @@ pub fn run_copies(
 pub fn run_recordings(
     histories: &[&History],
     config: &Config,
-    logs: &[&[f64]],
+    logs: &[Signals<'_>],
     stop: &mut dyn FnMut(usize) -> bool,
 ) -> Result<Vec<Log>, Error> {
     same_length(histories.len(), logs.len())?;
-    let run = |(history, log): (&&History, &&[f64]), stopped: &AtomicBool| {
-        until(&mut DdMhe::new(history, config.clone())?, log, stopped)
+    let run = |(history, log): (&&History, &Signals<'_>), stopped: &AtomicBool| {
+        until(&mut DdMhe::new(history, config.clone())?, *log, stopped)
     };
     collected(on_all_cores(histories.iter().zip(logs).collect(), run, stop)?)
 }
 
-fn until(estimator: &mut DdMhe, log: &[f64], stopped: &AtomicBool) -> Result<Log, Error> {
+fn until(estimator: &mut DdMhe, log: Signals<'_>, stopped: &AtomicBool) -> Result<Log, Error> {
     estimator.run_until(log, &mut || stopped.load(Ordering::Relaxed))
 }
 

@@ -10,12 +10,40 @@ use crate::config::{
 use crate::design::Design;
 use crate::error::Error;
 use crate::estimate::{Estimate, Log};
+use crate::first_window::filled;
 use crate::history::History;
 use crate::interrupt::Interrupt;
 use crate::magnitude::check_reach;
 use crate::run::{Run, Saved};
-use crate::start::filled;
+use crate::tol;
 use std::sync::Arc;
+
+/// One sample: what a step is given.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Step<'a> {
+    /// y(t-1) (p); NaN: this entry was not measured.
+    pub y: &'a [f64],
+    /// u(t-1) (m), the known inputs at the same instant; empty for a recording without.
+    pub u: &'a [f64],
+    /// Bounds on the states for this step alone: lo and hi hold n numbers each, or one row per
+    /// state of the window, (M_t+1)·n with M_t = [`next_depth`](DdMhe::next_depth).
+    pub x_bounds: Option<&'a Bounds>,
+}
+
+/// A log: what a run is given.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Signals<'a> {
+    /// Outputs (N·p, time-major); NaN: not measured.
+    pub y: &'a [f64],
+    /// Known inputs at the same instants (N·m); empty for a recording without.
+    pub u: &'a [f64],
+}
+
+impl<'a> From<&'a [f64]> for Signals<'a> {
+    fn from(y: &'a [f64]) -> Self {
+        Signals { y, u: &[] }
+    }
+}
 
 /// The estimator. A copy continues on its own from the same window and shares everything that was
 /// computed at construction.
@@ -60,26 +88,23 @@ impl DdMhe {
     /// # Errors
     /// [`Error::Shape`] or [`Error::NotFinite`] (infinite entry); the estimator is then unchanged.
     pub fn step(&mut self, y: &[f64]) -> Result<&Estimate, Error> {
-        self.step_within(y, None)
+        self.step_with(Step { y, ..Step::default() })
     }
 
-    /// [`step`](Self::step) with other state bounds for this step alone: lo and hi hold n numbers
-    /// each, or one row per state of the window, (M_t+1)·n with M_t =
-    /// [`next_depth`](Self::next_depth).
+    /// [`step`](Self::step) with what else belongs to it: the known inputs, and other state bounds
+    /// for this step alone.
     ///
     /// # Errors
-    /// As [`step`](Self::step), and for bounds of the wrong size, NaN or crossed.
-    pub fn step_within(
-        &mut self,
-        y: &[f64],
-        x_bounds: Option<&Bounds>,
-    ) -> Result<&Estimate, Error> {
+    /// As [`step`](Self::step), for inputs that are not all there, not finite or more than 1/ε
+    /// deviations from the recording, and for bounds of the wrong size, NaN or crossed.
+    pub fn step_with(&mut self, Step { y, u, x_bounds }: Step<'_>) -> Result<&Estimate, Error> {
         check_output(y, self.design.history.p())?;
+        self.check_inputs("u", u, 1)?;
         if let Some(bounds) = x_bounds {
             let n = self.design.history.n();
             check_box("x_bounds", bounds, &[n, (self.next_depth() + 1) * n])?;
         }
-        Ok(self.advance(y, x_bounds))
+        Ok(self.advance(y, u, x_bounds))
     }
 
     /// All steps of a log `ys` (N·p, time-major): the same numbers as N calls of
@@ -89,27 +114,32 @@ impl DdMhe {
     /// As [`step`](Self::step); the whole log is checked first, so a bad row leaves the estimator
     /// unchanged. Nothing errs after that.
     pub fn run(&mut self, ys: &[f64]) -> Result<Log, Error> {
-        self.run_until(ys, &mut || false)
+        self.run_until(ys.into(), &mut || false)
     }
 
-    /// [`run`](Self::run) until `stop`, asked every 50 ms or so, is true: the log then ends with
+    /// [`run`](Self::run) of a log of outputs and known inputs until `stop`, asked every 50 ms or so, is true: the log then ends with
     /// the last step made, where the estimator stands.
     ///
     /// # Errors
     /// As [`run`](Self::run).
-    pub fn run_until(&mut self, ys: &[f64], stop: &mut dyn FnMut() -> bool) -> Result<Log, Error> {
-        let p = self.design.history.p();
+    pub fn run_until(
+        &mut self,
+        Signals { y: ys, u: us }: Signals<'_>,
+        stop: &mut dyn FnMut() -> bool,
+    ) -> Result<Log, Error> {
+        let (p, m) = (self.design.history.p(), self.design.history.m());
         if !ys.len().is_multiple_of(p) {
             return Err(Error::shape("Y", format!("a multiple of p = {p} numbers"), ys.len()));
         }
         check_measured("Y", ys, p)?;
+        self.check_inputs("U", us, ys.len() / p)?;
         let mut log = Log::default();
         let mut interrupt = Interrupt::new(stop);
-        for y in ys.chunks_exact(p) {
+        for (k, y) in ys.chunks_exact(p).enumerate() {
             if interrupt.stopped() {
                 break;
             }
-            let estimate = self.advance(y, None);
+            let estimate = self.advance(y, &us[k * m..(k + 1) * m], None);
             log.x.extend_from_slice(&estimate.x);
             log.cost.push(estimate.cost);
             log.status.push(estimate.status);
@@ -218,8 +248,10 @@ impl DdMhe {
     /// What a user should know, in words: about the recording and the settings, and since when
     /// outputs do what they never did in the recording (the list then grows).
     pub fn warnings(&self) -> Vec<String> {
-        let online = self.design.watch.words(&self.run.seen, self.design.history.dt());
-        self.design.warnings.iter().cloned().chain(online).collect()
+        let dt = self.design.history.dt();
+        let online = self.design.watch.words(&self.run.seen, dt);
+        let of_inputs = self.design.input_watch.words(&self.run.seen_inputs, dt);
+        self.design.warnings.iter().cloned().chain(online).chain(of_inputs).collect()
     }
 
     /// The latest estimate (empty before the first step).
@@ -266,7 +298,44 @@ impl DdMhe {
     }
 
     /// One step on checked input.
-    fn advance(&mut self, y: &[f64], x_bounds: Option<&Bounds>) -> &Estimate {
-        self.run.advance(&self.design, y, x_bounds)
+    fn advance(&mut self, y: &[f64], u: &[f64], x_bounds: Option<&Bounds>) -> &Estimate {
+        self.run.advance(&self.design, (y, u), x_bounds)
+    }
+
+    /// Inputs of so many samples, all known.
+    fn check_inputs(&self, argument: &'static str, u: &[f64], samples: usize) -> Result<(), Error> {
+        let m = self.design.history.m();
+        if u.len() != samples * m {
+            let expected = match (m, samples) {
+                (0, _) => "none, for a recording without inputs".to_string(),
+                (m, 1) => format!("{m} numbers, the inputs at the instant of y"),
+                (m, N) => format!("{N} samples of {m} inputs, as many as of Y"),
+            };
+            let found = if u.is_empty() { "none".into() } else { format!("{} numbers", u.len()) };
+            return Err(Error::shape(argument, expected, found));
+        }
+        if m == 0 {
+            return Ok(());
+        }
+        let shared = self.design.ground.shared();
+        let far = u.chunks_exact(m).enumerate().find_map(|(row, u)| {
+            let within = |(u, far): (&f64, f64)| u.is_finite() && far.abs() <= tol::MEASURABLE;
+            let deviations = shared.input_deviations(u);
+            let column = u.iter().zip(deviations).position(|entry| !within(entry))?;
+            Some((row, column, u[column]))
+        });
+        match far {
+            None => Ok(()),
+            Some((row, column, value)) if !value.is_finite() => {
+                Err(Error::NotFinite { argument, row, column, value })
+            }
+            Some((.., value)) => {
+                let most = tol::MEASURABLE;
+                let expected = format!(
+                    "at most {most:.1e} standard deviations of the recording from its mean"
+                );
+                Err(Error::value(argument, expected, value))
+            }
+        }
     }
 }

@@ -3,7 +3,9 @@
 
 use crate::config::Bounds;
 use crate::error::Error;
+use crate::first_window::Samples;
 use crate::reduction::{Reduced, reduce};
+use crate::response::OwnResponse;
 use crate::scaling::Scaling;
 use crate::space::TrajectorySpace;
 use crate::surplus::Surplus;
@@ -233,13 +235,13 @@ pub(crate) struct Ground {
 }
 
 impl Ground {
-    /// `start`: states and outputs of a new run's window, as scaled deviations.
+    /// `start`: a new run's window.
     pub fn new(
         sizes: Sizes,
-        scaling: &Scaling,
+        (scaling, response): (&Scaling, Option<&OwnResponse>),
         weights: &Weights,
         (x, v): (Option<&Bounds>, Option<&Bounds>),
-        (states, outputs): (&[f64], &[f64]),
+        start: &Samples,
     ) -> Self {
         let (M, n, p) = (sizes.horizon, sizes.n, sizes.p);
         let common = Common {
@@ -262,8 +264,12 @@ impl Ground {
         write(common.means, &scaling.mean_x, M + 1);
         write(common.scales[0], &scaling.s_y, M);
         write(common.scales[1], &per_s_y, M);
-        write(common.states, states, 1);
-        write(common.outputs, outputs, 1);
+        write(common.mean_u, &scaling.mean_u, 1);
+        write(common.s_u, &scaling.unit_u, 1);
+        write(common.theta, response.map_or(&[], OwnResponse::theta), 1);
+        write(common.states, &start.states, 1);
+        write(common.outputs, &start.outputs, 1);
+        write(common.inputs, &start.inputs, 1);
         for (bounds, spans, times) in [(x, common.x_limits, n), (v, common.v_limits, M * p)] {
             let Some(bounds) = bounds else { continue };
             write(spans[0], &bounds.lo, times / bounds.lo.len());

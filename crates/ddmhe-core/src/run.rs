@@ -9,9 +9,11 @@ use crate::error::Error;
 use crate::error_bound::ErrorBound;
 use crate::estimate::Estimate;
 use crate::fallback::Fallbacks;
+use crate::first_window::{Samples, filled, first_window};
 use crate::history::check_finite;
+use crate::inputs::SeenInputs;
 use crate::plan_builder::Prepared;
-use crate::start::{Opening, filled, first_window};
+use crate::start::Opening;
 use crate::watch::Seen;
 use crate::weights::Weights;
 use ddmhe_run::active_set::ActiveBound;
@@ -30,6 +32,8 @@ pub(crate) struct Run {
     pub memory: Memory<Vec<f64>>,
     /// What the outputs did that they never did in the recording.
     pub seen: Seen,
+    /// The same of the inputs.
+    pub seen_inputs: SeenInputs,
     pub t: usize,
     pub estimate: Estimate,
 }
@@ -37,12 +41,12 @@ pub(crate) struct Run {
 /// What a run is continued from in another process.
 #[derive(Serialize, Deserialize)]
 pub(crate) struct Saved {
-    outputs: Vec<f64>,
-    states: Vec<f64>,
+    window: Samples,
     bounds: Vec<f64>,
     active: Vec<(usize, f64)>, // rows and sides of the active bounds
     moves: bool,
     seen: Seen,
+    seen_inputs: SeenInputs,
     pub start: Start, // of the run, which reset may have changed
     t: usize,
     estimate: Estimate,
@@ -57,6 +61,7 @@ impl Run {
             bound: design.bound.clone(),
             memory: Memory::new(sizes, vec![0.0; memory_len(sizes)]),
             seen: Seen::default(),
+            seen_inputs: SeenInputs::default(),
             t: 0,
             estimate: Estimate::default(),
         }
@@ -69,6 +74,7 @@ impl Run {
             bound: self.bound.clone(),
             memory: self.memory.clone(),
             seen: self.seen.clone(),
+            seen_inputs: self.seen_inputs.clone(),
             t: self.t,
             estimate: self.estimate.clone(),
         };
@@ -82,10 +88,11 @@ impl Run {
         self.t = 0;
         self.estimate = Estimate::default();
         self.seen = design.watch.start();
+        self.seen_inputs = design.input_watch.start();
         self.reserve(design);
         let filled = filled(history, self.start, design.settings.horizon);
-        let (states, outputs) = first_window(history, scaling, self.start, filled, x_prior);
-        self.refill(design, &outputs, &states);
+        let first = first_window((history, scaling), self.start, filled, x_prior);
+        self.refill(design, &first);
         if let Some(bound) = &mut self.bound {
             bound.restart(filled + 1);
         }
@@ -94,12 +101,16 @@ impl Run {
     /// What [`resume`](Self::resume) continues from.
     pub fn saved(&self) -> Saved {
         Saved {
-            outputs: self.memory.outputs().to_vec(),
-            states: self.memory.states().to_vec(),
+            window: Samples {
+                states: self.memory.states().to_vec(),
+                outputs: self.memory.outputs().to_vec(),
+                inputs: self.memory.inputs().to_vec(),
+            },
             bounds: self.bound.as_ref().map_or(&[][..], ErrorBound::errors).to_vec(),
             active: self.memory.active().map(|side| (side.row, side.sign)).collect(),
             moves: self.memory.moves(),
             seen: self.seen.clone(),
+            seen_inputs: self.seen_inputs.clone(),
             start: self.start,
             t: self.t,
             estimate: self.estimate.clone(),
@@ -108,18 +119,21 @@ impl Run {
 
     /// Continues a saved run from the same start.
     pub fn resume(&mut self, design: &Design, saved: Saved) -> Result<(), Error> {
-        let Saved { outputs, states, bounds, moves, seen, t, estimate, .. } = saved;
-        let (n, p) = (design.history.n(), design.history.p());
+        let Saved { window, bounds, moves, seen, seen_inputs, t, estimate, .. } = saved;
+        let Samples { states, outputs, inputs } = &window;
+        let (n, p, m) = (design.history.n(), design.history.p(), design.history.m());
         let samples = outputs.len() / p;
         let active = saved.active.iter().map(|&(row, sign)| ActiveBound { row, sign });
         let active: Vec<ActiveBound> = active.collect();
         let fits = samples <= design.settings.horizon
             && outputs.len() == samples * p
             && states.len() == (samples + 1) * n
+            && inputs.len() == samples * m
             && bounds.len() == if self.bound.is_some() { samples + 1 } else { 0 }
             && bounds.iter().all(|e| *e >= 0.0)
             && t < usize::MAX / 2
             && estimate.fits(n, p)
+            && design.input_watch.allows(&seen_inputs)
             && estimate.v.len() <= design.settings.horizon * p
             && (active.is_empty() || design.problem(samples).allows(&active));
         if !fits || !design.reaches(samples + 1) {
@@ -129,12 +143,14 @@ impl Run {
                 format!("{samples} samples"),
             ));
         }
-        check_measured("blob", &outputs, p)?;
-        check_finite("blob", &states, n)?;
+        check_measured("blob", outputs, p)?;
+        check_finite("blob", states, n)?;
+        check_finite("blob", inputs, m)?;
         design.watch.check(&seen)?;
-        self.refill(design, &outputs, &states);
+        self.refill(design, &window);
         self.memory.resume(design.problem(samples).layout().depth, &active, moves);
         (self.seen, self.t, self.estimate) = (seen, t, estimate);
+        self.seen_inputs = seen_inputs;
         self.reserve(design);
         if let Some(bound) = &mut self.bound {
             bound.resume(&bounds);
@@ -155,20 +171,28 @@ impl Run {
         }
     }
 
-    /// A window of other outputs and states.
-    fn refill(&mut self, design: &Design, outputs: &[f64], states: &[f64]) {
+    /// Another window.
+    fn refill(&mut self, design: &Design, window: &Samples) {
         self.memory.clear();
-        for x in states.chunks_exact(design.history.n()) {
+        for x in window.states.chunks_exact(design.history.n()) {
             self.memory.push_state(x.iter().copied());
         }
-        for y in outputs.chunks_exact(design.history.p()) {
+        for y in window.outputs.chunks_exact(design.history.p()) {
             self.memory.push_output(y.iter().copied());
+        }
+        for u in window.inputs.chunks_exact(design.history.m().max(1)) {
+            self.memory.push_input(u.iter().copied());
         }
     }
 
     /// One pass of Algorithm 1's loop, on checked input: nothing can go wrong that is not a status.
     #[inline]
-    pub fn advance(&mut self, design: &Design, y: &[f64], x_bounds: Option<&Bounds>) -> &Estimate {
+    pub fn advance(
+        &mut self,
+        design: &Design,
+        (y, u): (&[f64], &[f64]),
+        x_bounds: Option<&Bounds>,
+    ) -> &Estimate {
         let horizon = design.settings.horizon;
         if self.memory.len() == horizon {
             self.memory.forget();
@@ -191,7 +215,7 @@ impl Run {
         let (problem, memory) = (prepared.problem(), &mut self.memory);
         let x_bounds = x_bounds.map(|bounds| Limits { lo: &bounds.lo, hi: &bounds.hi });
         let mut pass = Pass { problem, memory, fallback, x_bounds };
-        let found = pass.consume(y, &mut out);
+        let found = pass.consume(y, u, &mut out);
         match &mut self.bound {
             None => {
                 pass.hand_out(&found, &mut out, |_, _| {});
@@ -203,6 +227,7 @@ impl Run {
         (estimate.active, estimate.iterations) = (active, iterations);
         self.t += 1;
         design.watch.note(&mut self.seen, y, self.t);
+        design.input_watch.note(&mut self.seen_inputs, self.memory.window_inputs(), self.t);
         if self.start == Start::Unknown && self.t == layout.depth {
             smooth(&design.ground.shared(), &mut self.memory, &self.estimate.window);
         }
@@ -249,8 +274,11 @@ fn bounded(
         bound.forget_all();
     }
     let (states, outputs) = (pass.memory.past(), pass.memory.window());
-    let past = |k: usize| design.scaling.state(k % n, states[k]);
-    let error = bound.advance(out.window, |k| design.scaling.output(k, outputs[k]), out.v, past);
+    let (inputs, scaling) = (pass.memory.window_inputs(), &design.scaling);
+    let past = |k: usize| scaling.state(k % n, states[k]);
+    let output = |k: usize| scaling.output(k, outputs[k]);
+    let input = |k: usize| scaling.input(k, inputs[k]);
+    let error = bound.advance(out.window, (output, out.v), input, past);
     if found.anew {
         bound.forget_past();
     }

@@ -9,6 +9,8 @@ use crate::variation::{fifth_differences, one_step};
 /// and in scaling outputs: a smooth recording has next to no fifth differences.
 const LEAST: (f64, f64) = (1e-10, 1e-4);
 
+/// A misfit below this is rounding (a relative error of 1e-12).
+pub(crate) const EXACT: f64 = 1e-24;
 /// The scale of every channel: what one unit of the estimator's own coordinates is in the user's
 /// units.
 #[derive(Debug, Clone, PartialEq)]
@@ -24,8 +26,12 @@ pub struct Scaling {
     pub(crate) unit_x: Vec<f64>,
     /// The same of the output channels.
     pub(crate) unit_y: Vec<f64>,
+    /// Mean of each input channel, its own deviation, and whether it moved.
+    pub(crate) mean_u: Vec<f64>,
+    pub(crate) unit_u: Vec<f64>,
+    pub(crate) moved_u: Vec<bool>,
     /// Variance of the noise on each output channel from fifth differences, at least 1e-10 of the
-    /// channel's variance.
+    /// channel's variance; with inputs, which may jump, at most what an affine step leaves.
     pub(crate) noise_y: Vec<f64>,
     /// What an affine step from the state before leaves of each channel of x and y, and its
     /// variance.
@@ -62,8 +68,17 @@ impl Scaling {
             ));
         }
         let p = history.p();
-        let differences: Vec<f64> =
-            (0..p).map(|i| fifth_differences(history, History::outputs, (i, p))).collect();
+        let alone: Vec<Vec<usize>> = (0..history.m()).map(|i| vec![i]).collect();
+        let u = Channels::new(history, History::inputs, history.m(), &alone);
+        // What is left of a channel when the state before is known, and its spread.
+        let one_step = one_step(history, None);
+        let left: Vec<f64> = one_step.iter().map(|[unexplained, _]| *unexplained).collect();
+        let differences: Vec<f64> = (0..p)
+            .map(|i| {
+                let noise = fifth_differences(history, History::outputs, (i, p));
+                if u.moved.contains(&true) { noise.min(left[history.n() + i]) } else { noise }
+            })
+            .collect();
         let noise = |floor: f64| -> Vec<f64> {
             differences
                 .iter()
@@ -71,10 +86,7 @@ impl Scaling {
                 .map(|(noise, variance)| noise.max(floor * variance))
                 .collect()
         };
-        // What is left of a state when the one before is known, and its spread: the prior is
-        // between the two.
-        let one_step = one_step(history, None);
-        let left: Vec<f64> = one_step.iter().map(|[unexplained, _]| *unexplained).collect();
+        // The prior is between what is left of a state and its spread.
         let left = shared(&left[..history.n()], &groups_x);
         let between = |(left, spread): (f64, f64)| (left.max(LEAST.0 * spread) * spread).sqrt();
         let squares: Vec<f64> =
@@ -82,6 +94,9 @@ impl Scaling {
         Ok(Scaling {
             s_x: x.scales(&squares),
             s_y: y.scales(&shared(&noise(LEAST.1), &groups_y)),
+            mean_u: u.mean,
+            unit_u: u.unit,
+            moved_u: u.moved,
             noise_y: noise(LEAST.0),
             one_step,
             mean_x: x.mean,
@@ -107,6 +122,25 @@ impl Scaling {
         (windows as f64 * (m * (x + y) + x)).sqrt()
     }
 
+    /// Shares of the variance of x(k+1) and of y(k) that an affine function of x(k) leaves unexplained:
+    /// pooled over the channels of one unit, at most 1, then averaged over the channels that move.
+    /// `channels`: of [`one_step`] (n + p).
+    pub(crate) fn misfit(&self, channels: &[[f64; 2]]) -> [f64; 2] {
+        let n = self.s_x.len();
+        let [x, y] = &self.moved;
+        [(0, &self.groups_x, x), (n, &self.groups_y, y)].map(|(first, groups, moved)| {
+            let groups: Vec<&Vec<usize>> = groups.iter().filter(|group| moved[group[0]]).collect();
+            let share = |group: &&Vec<usize>| {
+                let sum =
+                    |which: usize| group.iter().map(|&i| channels[first + i][which]).sum::<f64>();
+                let share = if sum(1) > 0.0 { (sum(0) / sum(1)).min(1.0) } else { 0.0 };
+                share * group.len() as f64
+            };
+            groups.iter().map(share).sum::<f64>()
+                / groups.iter().map(|group| group.len()).sum::<usize>().max(1) as f64
+        })
+    }
+
     /// Mean squares of the scales of the states and of the outputs: what (17) as printed is
     /// measured by.
     pub(crate) fn mean_squares(&self) -> (f64, f64) {
@@ -120,6 +154,18 @@ impl Scaling {
         let x = x.iter().zip(&self.mean_x).zip(&self.s_x).map(|((v, m), s)| (v - m) / s);
         let y = y.iter().zip(&self.mean_y).zip(&self.s_y).map(|((v, m), s)| (v - m) / s);
         x.chain(y)
+    }
+
+    /// Inputs (a multiple of m) as scaled deviations.
+    pub(crate) fn input_deviations<'a>(&'a self, u: &'a [f64]) -> impl Iterator<Item = f64> + 'a {
+        let m = self.mean_u.len();
+        u.iter().enumerate().map(move |(k, u)| (u - self.mean_u[k % m]) / self.unit_u[k % m])
+    }
+
+    /// Entry k of an input window in the user's units, from a scaled deviation.
+    pub(crate) fn input(&self, k: usize, deviation: f64) -> f64 {
+        let i = k % self.mean_u.len();
+        deviation * self.unit_u[i] + self.mean_u[i]
     }
 
     /// The state of channel i in the user's units, from a scaled deviation.

@@ -34,9 +34,10 @@
 //! √N z, of unit variance over the recording, the basis is U S/√N and ‖α‖² = (1 + ‖a‖²)/N.
 
 use crate::history::History;
+use crate::response::OwnResponse;
 use crate::scaling::Scaling;
 use crate::tol;
-use crate::variation::copies;
+use crate::variation::{Rest, copies};
 use faer::{Mat, MatRef};
 use serde::{Deserialize, Serialize};
 use std::cell::RefCell;
@@ -134,7 +135,8 @@ impl TrajectorySpace {
 pub(crate) struct WindowStack<'a> {
     history: &'a History,
     scaling: &'a Scaling,
-    equilibrium: Option<Vec<f64>>, // scaled x_e, then scaled y_e
+    response: Option<&'a OwnResponse>,
+    equilibrium: Option<Rest<'a>>,
     depth: usize,
     R: Mat<f64>, // of the windows of `depth`: min(N, 1+d) × (1+d)
     // and its depth: settings are tried at one depth after another
@@ -150,17 +152,17 @@ struct Decomposed {
 }
 
 impl<'a> WindowStack<'a> {
-    /// Factors the windows of `depth`; `equilibrium` is a rest (x_e, y_e) in the user's units.
+    /// Factors the windows of `depth`, without their forced motion where there are inputs.
     pub fn new(
         history: &'a History,
-        scaling: &'a Scaling,
+        (scaling, response): (&'a Scaling, Option<&'a OwnResponse>),
         depth: usize,
-        equilibrium: Option<(&[f64], &[f64])>,
+        equilibrium: Option<Rest<'a>>,
     ) -> Self {
-        let equilibrium = equilibrium.map(|(x, y)| scaling.deviations(x, y).collect());
         let mut stack = WindowStack {
             history,
             scaling,
+            response,
             equilibrium,
             depth,
             R: Mat::zeros(0, 0),
@@ -187,12 +189,10 @@ impl<'a> WindowStack<'a> {
             // row
             rows[(row, 0)] = 1.0;
             let (x, y) = (&self.history.states(i)[k * n..], &self.history.outputs(i)[k * p..]);
-            for j in 0..=depth {
-                let y_j = if j < depth { &y[j * p..(j + 1) * p] } else { &[] };
-                for (a, v) in self.scaling.deviations(&x[j * n..(j + 1) * n], y_j).enumerate() {
-                    rows[(row, 1 + j * (n + p) + a)] = v;
-                }
-            }
+            let u = self.history.window_inputs(i, k, depth);
+            let window = (&x[..(depth + 1) * n], &y[..depth * p], u);
+            let entries = free_window(self.scaling, self.response, window);
+            entries.into_iter().enumerate().for_each(|(a, v)| rows[(row, 1 + a)] = v);
         }
         rows
     }
@@ -234,8 +234,14 @@ impl<'a> WindowStack<'a> {
             // `copies` equal rows have the same factor as one row times √copies.
             let (row, weight) = (shared + late.nrows(), (copies as f64).sqrt());
             stacked[(row, 0)] = weight;
-            for j in 0..d {
-                stacked[(row, 1 + j)] = weight * rest[j % (n + p)];
+            let window = (
+                &rest.x.repeat(depth + 1)[..],
+                &rest.y.repeat(depth)[..],
+                &rest.u.repeat(depth)[..],
+            );
+            let entries = free_window(self.scaling, self.response, window);
+            for (j, v) in entries.into_iter().enumerate() {
+                stacked[(row, 1 + j)] = weight * v;
             }
         }
         let windows = recorded + copies;
@@ -244,6 +250,26 @@ impl<'a> WindowStack<'a> {
         let (U, sigma) = right_singular(R.submatrix(1, 1, R.nrows() - 1, d));
         Decomposed { windows, mean, U, sigma }
     }
+}
+
+/// The free motion of a window of states, outputs and inputs in the user's units: [x(0); y(0); …;
+/// x(depth)] as scaled deviations, without what the inputs made of it.
+pub(crate) fn free_window(
+    scaling: &Scaling,
+    response: Option<&OwnResponse>,
+    (x, y, u): (&[f64], &[f64], &[f64]),
+) -> Vec<f64> {
+    let (n, p) = (scaling.s_x.len(), scaling.s_y.len());
+    let ys = y.chunks_exact(p).chain([&[][..]]);
+    let mut window: Vec<f64> =
+        x.chunks_exact(n).zip(ys).flat_map(|(x, y)| scaling.deviations(x, y)).collect();
+    if let Some(response) = response {
+        let (x_f, y_f) = response.forced(&scaling.input_deviations(u).collect::<Vec<_>>());
+        let y_f = y_f.chunks_exact(p).chain([&[][..]]);
+        let forced = x_f.chunks_exact(n).zip(y_f).flat_map(|(x, y)| x.iter().chain(y));
+        window.iter_mut().zip(forced).for_each(|(w, forced)| *w -= forced);
+    }
+    window
 }
 
 /// The triangular factor of a QR decomposition, min(rows, columns) × columns, zeros below the

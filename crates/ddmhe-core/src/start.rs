@@ -17,7 +17,6 @@
 //! *An exact recording* leaves σ_v² = 0, and the prior no weight at all: [`tol::START_NOISE`] is
 //! what outputs are taken to deviate by at least.
 
-use crate::config::Start;
 use crate::error::Error;
 use crate::history::History;
 use crate::plan_builder::Prepared;
@@ -28,37 +27,6 @@ use faer::{Mat, Side};
 
 /// P₀ in units of the covariance of the recorded states.
 const SPREAD: f64 = 10.0;
-
-/// Outputs that are in the window before the first step: those at the end of the last recording, if
-/// that is where it starts.
-pub(crate) fn filled(history: &History, start: Start, horizon: usize) -> usize {
-    let recorded = history.outputs(history.recordings() - 1).len() / history.p();
-    if start == Start::Recording { recorded.min(horizon) } else { 0 }
-}
-
-/// States and outputs in the window of a new run, as scaled deviations: the recording's end, the
-/// prior, or the recording's mean.
-pub(crate) fn first_window(
-    history: &History,
-    scaling: &Scaling,
-    start: Start,
-    filled: usize,
-    x_prior: Option<&[f64]>,
-) -> (Vec<f64>, Vec<f64>) {
-    let (n, p, last) = (history.n(), history.p(), history.recordings() - 1);
-    let (x, y) = (history.states(last), history.outputs(last));
-    let mut states = x[x.len() - (filled + 1) * n..].to_vec();
-    match (start, x_prior) {
-        (Start::State, Some(prior)) => states.copy_from_slice(prior),
-        (Start::Unknown, _) => states.copy_from_slice(&scaling.mean_x),
-        _ => {}
-    }
-    let outputs = &y[y.len() - filled * p..];
-    (
-        states.chunks_exact(n).flat_map(|x| scaling.deviations(x, &[])).collect(),
-        outputs.chunks_exact(p).flat_map(|y| scaling.deviations(&[], y)).collect(),
-    )
-}
 
 /// The problems of the growing windows of a run from an unknown state.
 pub(crate) struct Opening {
@@ -109,7 +77,7 @@ fn inverse_factor(S: &Mat<f64>) -> Option<Mat<f64>> {
 /// units; all of it where the recording has no degree of freedom left to tell.
 fn residual(history: &History, scaling: &Scaling) -> Vec<f64> {
     let n = history.n();
-    let told = history.T() > n + 1;
+    let told = history.T() > n + history.m() + 1;
     let left = |i: usize| if told { scaling.one_step[n + i][0].sqrt() } else { scaling.unit_y[i] };
     let scaled = |i: usize| left(i).max(tol::START_NOISE * scaling.unit_y[i]) / scaling.s_y[i];
     (0..history.p()).map(|i| scaled(i).powi(2)).collect()

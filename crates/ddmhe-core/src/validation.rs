@@ -7,7 +7,7 @@ use crate::error::Error;
 use crate::filter::{Filters, is_linear};
 use crate::history::History;
 use crate::interrupt::on_all_cores;
-use crate::mhe::DdMhe;
+use crate::mhe::{DdMhe, Signals};
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
 /// A part of a recording to learn from, and another to estimate.
@@ -20,6 +20,8 @@ pub struct Fold {
     /// Outputs to estimate from, N·p, time-major; NaN where not measured. None at all: only the
     /// stability is looked at.
     pub outputs: Vec<f64>,
+    /// Known inputs at the same instants, N·m; empty for a recording without.
+    pub inputs: Vec<f64>,
     /// The states that should come out, N·n.
     pub truth: Vec<f64>,
     /// How many of the first estimates each error covers; each from 1 to N.
@@ -53,6 +55,11 @@ impl Fold {
                 self.outputs.len(),
             ));
         }
+        let inputs = self.outputs.len() / p * self.history.m();
+        if self.inputs.len() != inputs {
+            return Err(Error::shape("inputs", format!("{inputs} numbers"), self.inputs.len()));
+        }
+        check_finite("inputs", &self.inputs, self.history.m().max(1))?;
         let expected = self.outputs.len() / p * n;
         if self.truth.len() != expected {
             return Err(Error::shape("truth", format!("{expected} numbers"), self.truth.len()));
@@ -67,6 +74,11 @@ impl Fold {
         check_finite("truth", &self.truth, n)
     }
 
+    /// What an estimator is given.
+    fn signals(&self) -> Signals<'_> {
+        Signals { y: &self.outputs, u: &self.inputs }
+    }
+
     /// Of settings that differ in weights and space only, or of one of any kind; None for those
     /// that cannot be used.
     fn scores(&self, configs: &[&Config], stopped: &AtomicBool) -> Vec<Option<Score>> {
@@ -76,7 +88,7 @@ impl Fold {
             if stopped.load(Ordering::Relaxed) {
                 return None;
             }
-            match filters.as_ref().and_then(|filters| filters.run(k, &self.x_prior, &self.outputs))
+            match filters.as_ref().and_then(|filters| filters.run(k, &self.x_prior, self.signals()))
             {
                 Some((spectral_radius, x)) => self.compared(&x, spectral_radius),
                 None => self.score(config, stopped),
@@ -90,7 +102,7 @@ impl Fold {
         config.x_prior = (config.start == Start::State).then(|| self.x_prior.clone());
         let mut mhe = DdMhe::new(&self.history, config).ok()?;
         let spectral_radius = mhe.spectral_radius();
-        let log = mhe.run_until(&self.outputs, &mut || stopped.load(Ordering::Relaxed)).ok()?;
+        let log = mhe.run_until(self.signals(), &mut || stopped.load(Ordering::Relaxed)).ok()?;
         self.compared(&log.x, spectral_radius)
     }
 

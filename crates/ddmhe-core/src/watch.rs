@@ -134,16 +134,15 @@ impl Watch {
 
     /// What was seen, in words; `dt` in seconds.
     pub fn words(&self, seen: &Seen, dt: f64) -> Vec<String> {
-        let since = |t: usize| format!("from {} s on (step {t})", significant(t as f64 * dt));
         let moved = self.still.iter().zip(&seen.moved).filter_map(|(&(i, value, _), t)| {
-            let since = since((*t)?);
+            let since = since((*t)?, dt);
             Some(format!(
                 "output {i} (counted from 0) moves {since}, which it never did in the recording, \
                 where it is {value}: no estimate uses it"
             ))
         });
         let turned = seen.turned.iter().enumerate().filter_map(|(i, t)| {
-            let since = since((*t)?);
+            let since = since((*t)?, dt);
             Some(format!("output {i} (counted from 0) jumps by a full turn {since}: {ADVICE}"))
         });
         moved.chain(turned).collect()
@@ -282,6 +281,11 @@ pub(crate) fn still_states(history: &History) -> impl Iterator<Item = usize> {
 /// printed digits.
 fn margin(usual: f64, turn: f64) -> f64 {
     (2.0 * usual).max(10.0 * SLACK * turn)
+}
+
+/// Since when, in words; `dt` in seconds.
+pub(crate) fn since(t: usize, dt: f64) -> String {
+    format!("from {} s on (step {t})", significant(t as f64 * dt))
 }
 
 /// A number without the digits that only rounding puts there.

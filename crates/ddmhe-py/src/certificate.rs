@@ -2,6 +2,7 @@
 //! `ddmhe.design.Certificate`, and no others.
 
 use crate::convert::{DdmheError, Numbers, ShapeError, nearest, number, raise, shown};
+use crate::history::Channels;
 use ddmhe_core::{Certificate, Disturbance, Model, Uncertainty};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -9,14 +10,16 @@ use pyo3::types::PyDict;
 const ARGUMENT: &str = "certificate";
 
 /// Attributes of a certificate; the estimator takes no notice of the last three.
-const FIELDS: [&str; 14] = [
+const FIELDS: [&str; 16] = [
     "P",
     "Q",
     "R",
     "eta",
     "growth",
     "A",
+    "B",
     "C",
+    "D",
     "e",
     "r",
     "uncertainty",
@@ -28,31 +31,29 @@ const FIELDS: [&str; 14] = [
 
 /// P, Q, R, eta; growth, the model (A, C, with e and r) and its uncertainty where they are not
 /// None. `sizes` are (n, p), else those of P and R.
-pub fn certificate(
-    value: &Bound<'_, PyAny>,
-    sizes: Option<(usize, usize)>,
-) -> PyResult<Certificate> {
+pub fn certificate(value: &Bound<'_, PyAny>, sizes: Option<Channels>) -> PyResult<Certificate> {
     let own = Attributes(value);
     let [P, Q, R, eta] = ["P", "Q", "R", "eta"].map(|name| own.required(name));
     let (P, Q, R, eta) = (P?, Q?, R?, eta?);
     own.check_names()?;
     own.get("residual").map(|v| scalar("residual", &v)).transpose()?;
-    let (n, p) = match sizes {
+    let sizes = match sizes {
         Some(sizes) => sizes,
-        None => (rows(&P)?, rows(&R)?),
+        None => Channels { n: rows(&P)?, p: rows(&R)?, m: inputs(&own)? },
     };
+    let Channels { n, p, .. } = sizes;
     Ok(Certificate {
         P: matrix(&P, n, n)?,
         Q: matrix(&Q, n, n)?,
         R: matrix(&R, p, p)?,
         eta: scalar("eta", &eta)?,
         growth: own.get("growth").map(|v| scalar("growth", &v)).transpose()?,
-        model: model(&own, n, p)?,
+        model: model(&own, sizes)?,
     })
 }
 
 /// The model, if A and C are there; without e and r they are to be taken from the recording.
-fn model(own: &Attributes<'_, '_>, n: usize, p: usize) -> PyResult<Option<Model>> {
+fn model(own: &Attributes<'_, '_>, Channels { n, p, m }: Channels) -> PyResult<Option<Model>> {
     let (Some(A), Some(C)) = (own.get("A"), own.get("C")) else { return Ok(None) };
     let offset = |name: &str, len: usize| {
         own.get(name).map(|v| Numbers::vector(ARGUMENT, &v, len)).transpose()
@@ -61,13 +62,20 @@ fn model(own: &Attributes<'_, '_>, n: usize, p: usize) -> PyResult<Option<Model>
     if e.is_some() != r.is_some() {
         return Err(wrong("both e and r or neither, found one"));
     }
+    let of_inputs = |name: &str, rows: usize| match own.get(name) {
+        Some(value) if m > 0 => matrix(&value, rows, m),
+        None if m > 0 => Err(wrong(&format!("{name} beside A and C, for a recording with inputs"))),
+        _ => Ok(Vec::new()),
+    };
     Ok(Some(Model {
+        B: of_inputs("B", n)?,
+        D: of_inputs("D", p)?,
         A: matrix(&A, n, n)?,
         e: e.unwrap_or_default(),
         C: matrix(&C, p, n)?,
         r: r.unwrap_or_default(),
         identified: own.get("identified").map_or(Ok(false), |v| truth("identified", &v))?,
-        uncertainty: own.get("uncertainty").map(|u| uncertainty(&u, n)).transpose()?,
+        uncertainty: own.get("uncertainty").map(|u| uncertainty(&u, n + m)).transpose()?,
     }))
 }
 
@@ -119,6 +127,12 @@ fn scalar(name: &str, value: &Bound<'_, PyAny>) -> PyResult<f64> {
 
 fn truth(name: &str, value: &Bound<'_, PyAny>) -> PyResult<bool> {
     value.extract().map_err(|_| wrong(&format!("True or False for {name}, found {}", shown(value))))
+}
+
+/// Inputs of its model: columns of B.
+fn inputs(own: &Attributes<'_, '_>) -> PyResult<usize> {
+    let Some(B) = own.get("B") else { return Ok(0) };
+    Ok(Numbers::matrix(ARGUMENT, &B, "(n, m)")?.2)
 }
 
 fn rows(value: &Bound<'_, PyAny>) -> PyResult<usize> {

@@ -251,6 +251,17 @@ pub fn pair<'py>(
     expected: &str,
     value: &Bound<'py, PyAny>,
 ) -> PyResult<[Bound<'py, PyAny>; 2]> {
+    let items = tuple(argument, expected, value, &[2])?;
+    Ok([items[0].clone(), items[1].clone()])
+}
+
+/// The items of a sequence that has as many as it may.
+pub fn tuple<'py>(
+    argument: &str,
+    expected: &str,
+    value: &Bound<'py, PyAny>,
+    lengths: &[usize],
+) -> PyResult<Vec<Bound<'py, PyAny>>> {
     let wrong = |found: String| {
         ShapeError::new_err(format!("{argument}: expected {expected}, found {found}"))
     };
@@ -258,10 +269,10 @@ pub fn pair<'py>(
         return Err(wrong(shown(value)));
     }
     let items = value.len()?;
-    if items != 2 {
+    if !lengths.contains(&items) {
         return Err(wrong(format!("{items} items")));
     }
-    Ok([value.get_item(0)?, value.get_item(1)?])
+    (0..items).map(|k| value.get_item(k)).collect()
 }
 
 /// (lo, hi) with each side a scalar or `width` numbers, or for `depth` given a (depth+1, width)

@@ -17,10 +17,13 @@ use pyo3::types::{PyBytes, PyType};
 ///     Recorded outputs; x[k] and y[k] were taken together, x has one more sample.
 /// dt : float
 ///     Sampling interval in seconds. Kept for reports: the method itself needs no unit of time.
-/// x_units, y_units : str or list of str, optional
-///     Units of the states and of the outputs: one for all, or one a channel. Channels of one unit
-///     share a scale in the default rule; a channel whose unit is unknown (None or "") has its own,
-///     and rescaling it changes nothing.
+/// u : array (T, m), optional
+///     Known inputs at the instants of y: u[k] acts on x[k+1], and y[k] may depend on it.
+/// x_units, y_units, u_units : str or list of str, optional
+///     Units of the states, of the outputs and of the inputs: one for all, or one a channel.
+///     States, or outputs, of one unit share a scale in the default rule; a channel whose unit is
+///     unknown (None or "") has its own, and rescaling it changes nothing. Inputs each have their
+///     own.
 ///
 /// Raises
 /// ------
@@ -29,6 +32,17 @@ use pyo3::types::{PyBytes, PyType};
 #[pyclass(module = "ddmhe", frozen, name = "History")]
 pub struct History {
     pub core: ddmhe_core::History,
+}
+
+/// Channels of a recording.
+#[derive(Clone, Copy)]
+pub struct Channels {
+    /// States.
+    pub n: usize,
+    /// Outputs.
+    pub p: usize,
+    /// Known inputs.
+    pub m: usize,
 }
 
 impl History {
@@ -41,9 +55,14 @@ impl History {
         Ok(value.cast::<Self>().map_err(wrong)?.get())
     }
 
-    /// (n, p)
-    pub fn sizes(&self) -> (usize, usize) {
-        (self.core.n(), self.core.p())
+    /// How many channels there are.
+    pub fn sizes(&self) -> Channels {
+        Self::channels(&self.core)
+    }
+
+    /// The same of a History without its Python object.
+    pub fn channels(core: &ddmhe_core::History) -> Channels {
+        Channels { n: core.n(), p: core.p(), m: core.m() }
     }
 }
 
@@ -54,22 +73,34 @@ type Signals<'py> = (Bound<'py, PyArray2<f64>>, Bound<'py, PyArray2<f64>>);
 impl History {
     #[new]
     #[pyo3(
-        signature = (x, y, dt=None, *, x_units=None, y_units=None),
-        text_signature = "(x, y, dt=1.0, *, x_units=None, y_units=None)"
+        signature = (x, y, dt=None, u=None, *, x_units=None, y_units=None, u_units=None),
+        text_signature = "(x, y, dt=1.0, u=None, *, x_units=None, y_units=None, u_units=None)"
     )]
     fn new(
         x: &Bound<'_, PyAny>,
         y: &Bound<'_, PyAny>,
         dt: Option<&Bound<'_, PyAny>>,
+        u: Option<&Bound<'_, PyAny>>,
         x_units: Option<&Bound<'_, PyAny>>,
         y_units: Option<&Bound<'_, PyAny>>,
+        u_units: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Self> {
         let dt = dt.map_or(Ok(1.0), |dt| number("dt", dt))?;
         let (x, _, n) = Numbers::matrix("x", x, "(T+1, n)")?;
         let (y, _, p) = Numbers::matrix("y", y, "(T, p)")?;
         let (x_units, y_units) = (units("x_units", x_units)?, units("y_units", y_units)?);
         let core = ddmhe_core::History::new(n, p, &x, &y, dt).map_err(raise)?;
-        Ok(History { core: core.with_units(&x_units, &y_units).map_err(raise)? })
+        let core = core.with_units(&x_units, &y_units).map_err(raise)?;
+        let Some(u) = u else {
+            return match u_units {
+                None => Ok(History { core }),
+                Some(_) => Err(DdmheError::new_err("u_units: expected none without u")),
+            };
+        };
+        let (u, _, m) = Numbers::matrix("u", u, "(T, m)")?;
+        let core = core.with_inputs(m, &u).map_err(raise)?;
+        let u_units = units("u_units", u_units)?;
+        Ok(History { core: core.with_input_units(&u_units).map_err(raise)? })
     }
 
     /// Join several recordings of one system; no window ever crosses a seam.
@@ -131,6 +162,34 @@ impl History {
         self.core.p()
     }
 
+    /// Number of known inputs; 0 for a system without.
+    #[getter]
+    fn m(&self) -> usize {
+        self.core.m()
+    }
+
+    /// The same recordings without their inputs.
+    fn without_inputs(&self) -> Self {
+        History { core: self.core.without_inputs() }
+    }
+
+    /// The inputs of each recording, a list of arrays (T_i, m); copies.
+    #[getter]
+    fn inputs<'py>(&self, py: Python<'py>) -> PyResult<Vec<Bound<'py, PyArray2<f64>>>> {
+        let core = &self.core;
+        let array = |i| match core.m() {
+            0 => Ok(PyArray2::zeros(py, [core.y(i).map_err(raise)?.len() / core.p(), 0], false)),
+            m => array2(py, core.u(i).map_err(raise)?.to_vec(), m),
+        };
+        (0..core.recordings()).map(array).collect()
+    }
+
+    /// Units of the inputs, one a channel; "" where unknown.
+    #[getter]
+    fn u_units(&self) -> Vec<String> {
+        self.core.u_units().to_vec()
+    }
+
     /// Units of the states, one a channel; "" where unknown.
     #[getter]
     fn x_units(&self) -> Vec<String> {
@@ -180,7 +239,9 @@ impl History {
         let (n, p, T, dt, k) =
             (self.core.n(), self.core.p(), self.core.T(), self.core.dt(), self.core.recordings());
         let joined = if k > 1 { format!(", {k} recordings") } else { String::new() };
-        format!("History(n={n}, p={p}, T={T}, dt={dt}{joined})")
+        let inputs =
+            if self.core.m() > 0 { format!(", m={}", self.core.m()) } else { String::new() };
+        format!("History(n={n}, p={p}{inputs}, T={T}, dt={dt}{joined})")
     }
 }
 

@@ -3,7 +3,7 @@
 use crate::convert::{DdmheError, Numbers, ShapeError, raise};
 use crate::history::History;
 use crate::log::Log;
-use crate::mhe::DdMhe;
+use crate::mhe::{DdMhe, inputs};
 use crate::signals::Signals;
 use ddmhe_core::Config;
 use pyo3::prelude::*;
@@ -18,6 +18,8 @@ use pyo3::prelude::*;
 ///     estimators, one a log, each only once: a run moves its window on. A list of recordings, one
 ///     a log: an estimator with default settings for each.
 /// logs : list of arrays (N_i, p_i)
+/// inputs : list of arrays (N_i, m_i), optional
+///     The known inputs of each log, where the recordings have inputs.
 ///
 /// Returns
 /// -------
@@ -31,18 +33,28 @@ use pyo3::prelude::*;
 ///     Within about 50 ms of Ctrl-C; its attribute `finished` is the list of Logs, each with the
 ///     steps made by then.
 #[pyfunction]
+#[pyo3(signature = (estimators, logs, inputs=None))]
 pub fn run_many(
     py: Python<'_>,
     estimators: &Bound<'_, PyAny>,
     logs: &Bound<'_, PyAny>,
+    inputs: Option<&Bound<'_, PyAny>>,
 ) -> PyResult<Vec<Log>> {
     let logs: Vec<Bound<'_, PyAny>> = items("logs", "a list of arrays", logs)?;
+    let inputs = inputs.map(|inputs| items("inputs", "a list of arrays", inputs)).transpose()?;
+    if let Some(inputs) = inputs.as_ref().filter(|inputs| inputs.len() != logs.len()) {
+        let (expected, found) = (logs.len(), inputs.len());
+        return Err(ShapeError::new_err(format!(
+            "inputs: expected {expected}, one per log, found {found}"
+        )));
+    }
+    let logs = Given { logs, inputs };
     if let Ok(one) = estimators.cast::<DdMhe>() {
         return run_copies(py, one.get(), &logs);
     }
     let estimators = items("estimators", "a DdMhe or a list of DdMhe or of History", estimators)?;
-    if estimators.len() != logs.len() {
-        let (expected, found) = (estimators.len(), logs.len());
+    if estimators.len() != logs.logs.len() {
+        let (expected, found) = (estimators.len(), logs.logs.len());
         return Err(ShapeError::new_err(format!(
             "logs: expected {expected}, one per estimator, found {found}"
         )));
@@ -54,10 +66,10 @@ pub fn run_many(
 }
 
 /// Each log from a copy of one estimator.
-fn run_copies(py: Python<'_>, one: &DdMhe, logs: &[Bound<'_, PyAny>]) -> PyResult<Vec<Log>> {
+fn run_copies(py: Python<'_>, one: &DdMhe, logs: &Given<'_>) -> PyResult<Vec<Log>> {
     let core = &*one.core()?;
-    let data = columns(logs, |_| core.p())?;
-    let slices: Vec<&[f64]> = data.iter().map(Vec::as_slice).collect();
+    let data = logs.numbers(|_| (core.p(), core.history().m()))?;
+    let slices = borrowed_logs(&data);
     let mut signals = Signals::default();
     let found = py
         .detach(|| ddmhe_core::run_copies(core, &slices, &mut |_| signals.raised()))
@@ -70,13 +82,13 @@ fn run_copies(py: Python<'_>, one: &DdMhe, logs: &[Bound<'_, PyAny>]) -> PyResul
 fn run_recordings(
     py: Python<'_>,
     recordings: &[Bound<'_, PyAny>],
-    logs: &[Bound<'_, PyAny>],
+    logs: &Given<'_>,
 ) -> PyResult<Vec<Log>> {
     let histories: Vec<&History> =
         recordings.iter().map(|item| History::cast("estimators", item)).collect::<PyResult<_>>()?;
-    let data = columns(logs, |k| histories[k].core.p())?;
-    let (histories, slices): (Vec<_>, Vec<&[f64]>) =
-        histories.iter().zip(&data).map(|(h, log)| (&h.core, log.as_slice())).unzip();
+    let data = logs.numbers(|k| (histories[k].core.p(), histories[k].core.m()))?;
+    let slices = borrowed_logs(&data);
+    let histories: Vec<&ddmhe_core::History> = histories.iter().map(|h| &h.core).collect();
     let (mut signals, config) = (Signals::default(), Config::default());
     let found = py
         .detach(|| {
@@ -91,7 +103,7 @@ fn run_recordings(
 fn run_each(
     py: Python<'_>,
     estimators: &[Bound<'_, PyAny>],
-    logs: &[Bound<'_, PyAny>],
+    logs: &Given<'_>,
 ) -> PyResult<Vec<Log>> {
     let mut borrowed = Vec::with_capacity(estimators.len());
     for (k, item) in estimators.iter().enumerate() {
@@ -103,10 +115,10 @@ fn run_each(
         })?;
         borrowed.push(estimator.get().core().map_err(|_| in_use(k))?);
     }
-    let data = columns(logs, |k| borrowed[k].p())?;
+    let data = logs.numbers(|k| (borrowed[k].p(), borrowed[k].history().m()))?;
     let sizes: Vec<(usize, bool)> = borrowed.iter().map(|e| (e.n(), e.is_bounded())).collect();
     let mut cores: Vec<&mut ddmhe_core::DdMhe> = borrowed.iter_mut().map(|e| &mut **e).collect();
-    let slices: Vec<&[f64]> = data.iter().map(Vec::as_slice).collect();
+    let slices = borrowed_logs(&data);
     let mut signals = Signals::default();
     let found = py
         .detach(|| ddmhe_core::run_many(&mut cores, &slices, &mut |_| signals.raised()))
@@ -147,17 +159,34 @@ fn items<'py>(
     value.try_iter().map_err(wrong)?.collect()
 }
 
-/// The numbers of each log, which must have p(k) columns.
-fn columns(logs: &[Bound<'_, PyAny>], p: impl Fn(usize) -> usize) -> PyResult<Vec<Vec<f64>>> {
-    let log = |(k, log): (usize, &Bound<'_, PyAny>)| {
-        let (values, _, columns) = Numbers::measured("logs", log)?.into_matrix("logs", "(N, p)")?;
-        let expected = p(k);
-        if columns == expected {
-            return Ok(values);
-        }
-        Err(ShapeError::new_err(format!(
-            "logs: expected {expected} columns in number {k}, found {columns}"
-        )))
-    };
-    logs.iter().enumerate().map(log).collect()
+/// Logs with their inputs, where there are any.
+struct Given<'py> {
+    logs: Vec<Bound<'py, PyAny>>,
+    inputs: Option<Vec<Bound<'py, PyAny>>>,
+}
+
+impl Given<'_> {
+    /// The numbers of each log and of its inputs, which must have (p, m)(k) columns.
+    fn numbers(
+        &self,
+        sizes: impl Fn(usize) -> (usize, usize),
+    ) -> PyResult<Vec<(Vec<f64>, Vec<f64>)>> {
+        let log = |(k, log): (usize, &Bound<'_, PyAny>)| {
+            let (y, rows, columns) =
+                Numbers::measured("logs", log)?.into_matrix("logs", "(N, p)")?;
+            let (p, m) = sizes(k);
+            if columns != p {
+                return Err(ShapeError::new_err(format!(
+                    "logs: expected {p} columns in number {k}, found {columns}"
+                )));
+            }
+            let given = self.inputs.as_ref().map(|inputs| &inputs[k]);
+            Ok((y, inputs("inputs", given, (rows, m))?))
+        };
+        self.logs.iter().enumerate().map(log).collect()
+    }
+}
+
+fn borrowed_logs(data: &[(Vec<f64>, Vec<f64>)]) -> Vec<ddmhe_core::Signals<'_>> {
+    data.iter().map(|(y, u)| ddmhe_core::Signals { y, u }).collect()
 }

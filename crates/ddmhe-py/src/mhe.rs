@@ -9,7 +9,7 @@ use crate::pickle::{Made, bytes, made};
 use crate::settings;
 use crate::signals::Signals;
 use crate::spaces;
-use ddmhe_core::{Bounds, Weighting};
+use ddmhe_core::{Bounds, Step, Weighting};
 use numpy::{Ix1, Ix2, PyArray1, PyArray2, PyArrayMethods, PyUntypedArrayMethods};
 use pyo3::PyTypeInfo;
 use pyo3::prelude::*;
@@ -40,7 +40,7 @@ use std::sync::MutexGuard;
 ///     alone associates with the measured outputs (IV-A1, affine form).
 /// v_bounds : (lo, hi), optional
 ///     Box on the fitted noise; each side a scalar or (p,).
-/// equilibrium : (x_e, y_e), optional
+/// equilibrium : (x_e, y_e), or (x_e, y_e, u_e) with inputs, optional
 ///     A known rest of the system, added to the data as constant windows if the recording is noisy.
 /// warm_start : bool, optional
 ///     The old name: True is start="recording" (beside x_prior, which then counts: "state"), False
@@ -109,15 +109,17 @@ impl DdMhe {
     /// Consume y(t-1) and estimate x(t), at step number t.
     ///
     /// y_t : array (p,), NaN where this entry was not measured.
+    /// u : array (m,), the known inputs at the same instant, all of them; None without inputs.
     /// x_bounds : (lo, hi) for this step alone; each side a scalar, (n,), or one row per state of
     ///     the window (M_t+1, n).
     /// out : float64 array (n,), optional. It receives the state and is returned in the place of
     ///     an Estimate, so that nothing is allocated; all else about the step is in `estimate`.
-    #[pyo3(signature = (y_t, x_bounds=None, out=None))]
+    #[pyo3(signature = (y_t, u=None, *, x_bounds=None, out=None))]
     fn step<'py>(
         &self,
         py: Python<'py>,
         y_t: &Bound<'py, PyAny>,
+        u: Option<&Bound<'py, PyAny>>,
         x_bounds: Option<&Bound<'py, PyAny>>,
         out: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Bound<'py, PyAny>> {
@@ -142,7 +144,17 @@ impl DdMhe {
                 &copied
             }
         };
-        let estimate = core.step_within(y, limits.as_ref()).map_err(raise)?;
+        let u = match u {
+            Some(_) if core.history().m() == 0 => {
+                return Err(ShapeError::new_err(
+                    "u: expected none, for a recording without inputs",
+                ));
+            }
+            Some(u) => Numbers::vector("u", u, core.history().m())?,
+            None => Vec::new(),
+        };
+        let step = Step { y, u: &u, x_bounds: limits.as_ref() };
+        let estimate = core.step_with(step).map_err(raise)?;
         drop(array);
         let Some(out) = out else {
             return Ok(Bound::new(py, Estimate::new(estimate, n, p))?.into_any());
@@ -182,17 +194,19 @@ impl DdMhe {
     /// Estimate over a whole log Y (N, p), with the GIL released: the same numbers as N calls of
     /// step.
     ///
+    /// U : array (N, m), the known inputs at the same instants; None without inputs.
     /// out : float64 array (N, n), optional. It receives the states and is the Log's x.
     ///
     /// A KeyboardInterrupt (any exception of a signal's handler) ends the run within about 50 ms.
     /// The estimator then stands behind the last step made, and the Log of the steps made is the
     /// exception's attribute `finished`.
-    #[pyo3(signature = (Y, out=None))]
+    #[pyo3(signature = (Y, U=None, *, out=None))]
     #[allow(non_snake_case)]
     fn run(
         &self,
         py: Python<'_>,
         Y: &Bound<'_, PyAny>,
+        U: Option<&Bound<'_, PyAny>>,
         out: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Log> {
         let (data, rows, columns) = Numbers::measured("Y", Y)?.into_matrix("Y", "(N, p)")?;
@@ -202,9 +216,11 @@ impl DdMhe {
         if columns != p {
             return Err(ShapeError::new_err(format!("Y: expected {p} columns, found {columns}")));
         }
+        let inputs = inputs("U", U, (rows, core.history().m()))?;
         let room = out.map(|out| writable::<Ix2>("out", out, &[rows, n])).transpose()?;
         let mut signals = Signals::default();
-        let log = py.detach(|| core.run_until(&data, &mut || signals.raised())).map_err(raise)?;
+        let log = ddmhe_core::Signals { y: &data, u: &inputs };
+        let log = py.detach(|| core.run_until(log, &mut || signals.raised())).map_err(raise)?;
         let made = log.status.len();
         let x = match (out, room) {
             (Some(out), Some(mut room)) => {
@@ -264,6 +280,12 @@ impl DdMhe {
     #[getter]
     fn p(&self) -> PyResult<usize> {
         Ok(self.core()?.p())
+    }
+
+    /// Number of known inputs; 0 for a system without.
+    #[getter]
+    fn m(&self) -> PyResult<usize> {
+        Ok(self.core()?.history().m())
     }
 
     /// Horizon M in force.
@@ -345,4 +367,24 @@ impl DdMhe {
             s.horizon, s.rho, s.mu, s.rank, s.lambda
         )
     }
+}
+
+/// The known inputs of a log of so many samples (N·m numbers), which are to be there where the
+/// recording has inputs.
+pub fn inputs(
+    argument: &str,
+    given: Option<&Bound<'_, PyAny>>,
+    (samples, m): (usize, usize),
+) -> PyResult<Vec<f64>> {
+    let Some(given) = given else { return Ok(Vec::new()) };
+    let (data, rows, columns) = Numbers::matrix(argument, given, "(N, m)")?;
+    if (rows, columns) == (samples, m) {
+        return Ok(data);
+    }
+    let expected = match m {
+        0 => "none, for a recording without inputs".to_string(),
+        m => format!("shape ({samples}, {m}), one row for each of Y"),
+    };
+    let found = format!("({rows}, {columns})");
+    Err(ShapeError::new_err(format!("{argument}: expected {expected}, found {found}")))
 }

@@ -6,11 +6,11 @@
 
 use crate::certificate;
 use crate::convert::{
-    DdmheError, Numbers, flag, nearest, number, pair, raise, shown, side, text, whole,
+    DdmheError, Numbers, flag, nearest, number, pair, raise, shown, side, text, tuple, whole,
 };
-use crate::history::History;
+use crate::history::{Channels, History};
 use crate::spaces;
-use ddmhe_core::{Bounds, Center, Config, Start, Weighting};
+use ddmhe_core::{Bounds, Center, Config, Equilibrium, Start, Weighting};
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyDictMethods, PyTuple};
@@ -67,17 +67,17 @@ fn warm_start(config: &mut Config, given: &Given<'_, '_>) -> PyResult<()> {
 struct Given<'a, 'py> {
     name: &'static str,
     value: &'a Bound<'py, PyAny>,
-    /// (n, p); None where no recording is known yet: any sizes do.
-    sizes: Option<(usize, usize)>,
+    /// None where no recording is known yet: any sizes do.
+    sizes: Option<Channels>,
 }
 
 impl<'py> Given<'_, 'py> {
     fn n(&self) -> Option<usize> {
-        self.sizes.map(|(n, _)| n)
+        self.sizes.map(|sizes| sizes.n)
     }
 
     fn p(&self) -> Option<usize> {
-        self.sizes.map(|(_, p)| p)
+        self.sizes.map(|sizes| sizes.p)
     }
 
     /// A vector of `len` numbers, or of any.
@@ -98,9 +98,19 @@ impl<'py> Given<'_, 'py> {
         Ok(Bounds { lo: side(lo)?, hi: side(hi)? })
     }
 
-    fn rest(&self) -> PyResult<(Vec<f64>, Vec<f64>)> {
-        let [x, y] = &pair(self.name, "a pair (x_e, y_e)", self.value)?;
-        Ok((self.vector(x, self.n())?, self.vector(y, self.p())?))
+    fn rest(&self) -> PyResult<Equilibrium> {
+        let (expected, lengths): (_, &[usize]) = match self.sizes.map(|sizes| sizes.m) {
+            Some(0) => ("a pair (x_e, y_e)", &[2]),
+            Some(_) => ("three items (x_e, y_e, u_e), for a recording with inputs", &[3]),
+            None => ("(x_e, y_e), or (x_e, y_e, u_e) with inputs", &[2, 3]),
+        };
+        let items = tuple(self.name, expected, self.value, lengths)?;
+        let inputs = |u| self.vector(u, self.sizes.map(|sizes| sizes.m));
+        Ok(Equilibrium {
+            x: self.vector(&items[0], self.n())?,
+            y: self.vector(&items[1], self.p())?,
+            u: items.get(2).map_or(Ok(Vec::new()), inputs)?,
+        })
     }
 
     /// What one of the known texts stands for.
@@ -155,8 +165,8 @@ pub fn bound<'py>(
 }
 
 /// The `Config` of a mapping {name: value} whose names are [known](check_names); None as a value
-/// says "not given". `sizes` are (n, p); None where no recording is known yet: any sizes do.
-pub fn config(settings: &Bound<'_, PyDict>, sizes: Option<(usize, usize)>) -> PyResult<Config> {
+/// says "not given"; no `sizes` where no recording is known yet: any sizes do.
+pub fn config(settings: &Bound<'_, PyDict>, sizes: Option<Channels>) -> PyResult<Config> {
     let given = |name: &str| Ok::<_, PyErr>(settings.get_item(name)?.filter(|v| !v.is_none()));
     if given("start")?.is_some() && given("warm_start")?.is_some() {
         return Err(DdmheError::new_err(

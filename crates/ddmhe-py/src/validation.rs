@@ -2,6 +2,7 @@
 
 use crate::convert::{Numbers, raise};
 use crate::history::History;
+use crate::mhe::inputs;
 use crate::settings;
 use crate::signals::Signals;
 use ddmhe_core::Config;
@@ -9,12 +10,13 @@ use ddmhe_core::validation::{self, Fold, Score};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
-/// History, prior (n,), outputs (N, p), true states (N, n), the number of estimates that each error
-/// covers, and what errors are relative to (n,).
+/// History, prior (n,), outputs (N, p), known inputs (N, m) or None, true states (N, n), the number
+/// of estimates that each error covers, and what errors are relative to (n,).
 type Held<'py> = (
     Bound<'py, PyAny>,
     Bound<'py, PyAny>,
     Bound<'py, PyAny>,
+    Option<Bound<'py, PyAny>>,
     Bound<'py, PyAny>,
     Vec<usize>,
     Bound<'py, PyAny>,
@@ -26,7 +28,7 @@ type Pair = (Vec<f64>, f64);
 /// Scores (mean squared relative error of each span, spectral radius) of jobs (fold, settings), on
 /// all cores.
 ///
-/// A fold is (history, x_prior, outputs, truth, spans, spread).
+/// A fold is (history, x_prior, outputs, inputs, truth, spans, spread).
 ///
 /// Settings are keywords of DdMhe; a state to start from is the fold's. Settings that cannot be
 /// used score inf. `progress(done)` is called now and then. What it or a signal's
@@ -41,12 +43,12 @@ pub fn validate(
     progress: Option<Py<PyAny>>,
 ) -> PyResult<Vec<Option<Pair>>> {
     let folds: Vec<Fold> = folds.into_iter().map(fold).collect::<PyResult<_>>()?;
-    let sizes = folds.first().map_or((0, 0), |f| (f.history.n(), f.history.p()));
+    let sizes = folds.first().map(|f| History::channels(&f.history));
     let jobs: Vec<(usize, Config)> = jobs
         .iter()
         .map(|(fold, given)| {
             settings::check_names("jobs", given)?;
-            Ok((*fold, settings::config(given, Some(sizes))?))
+            Ok((*fold, settings::config(given, sizes)?))
         })
         .collect::<PyResult<_>>()?;
     let mut signals = Signals::default();
@@ -63,11 +65,12 @@ pub fn validate(
     signals.outcome(py, scores.collect(), "the validation was stopped")
 }
 
-fn fold((h, x, y, truth, spans, spread): Held<'_>) -> PyResult<Fold> {
+fn fold((h, x, y, u, truth, spans, spread): Held<'_>) -> PyResult<Fold> {
     let history = History::cast("folds", &h)?.core.clone();
     let x_prior = Numbers::vector("folds", &x, history.n())?;
-    let (outputs, ..) = Numbers::measured("folds", &y)?.into_matrix("folds", "(N, p)")?;
+    let (outputs, N, _) = Numbers::measured("folds", &y)?.into_matrix("folds", "(N, p)")?;
+    let inputs = inputs("folds", u.as_ref(), (N, history.m()))?;
     let (truth, ..) = Numbers::measured("folds", &truth)?.into_matrix("folds", "(N, n)")?;
     let spread = Numbers::vector("folds", &spread, history.n())?;
-    Ok(Fold { history, x_prior, outputs, truth, spans, spread })
+    Ok(Fold { history, x_prior, outputs, inputs, truth, spans, spread })
 }

@@ -24,7 +24,7 @@ impl WindowProblem<'_> {
             self.states.tall(offset, &z[..depth.rank], lo);
         }
         hi.copy_from_slice(lo);
-        self.add_box(bounds, lo, hi);
+        self.add_box(bounds, data.means, lo, hi);
         let used = depth.layout.states_len();
         lo[used..].fill(f64::NEG_INFINITY);
         hi[used..].fill(f64::INFINITY);
@@ -33,9 +33,9 @@ impl WindowProblem<'_> {
     /// Adds the bounds on all states to what is in lo and hi: the distance of a box from the means,
     /// or from x_c(t).
     #[inline(always)]
-    fn add_box(&self, bounds: Limits<'_>, lo: &mut [f64], hi: &mut [f64]) {
+    fn add_box(&self, bounds: Limits<'_>, means: &[f64], lo: &mut [f64], hi: &mut [f64]) {
         let len = bounds.lo.len();
-        for (i, mean) in self.shared.means(self.depth.layout).iter().enumerate() {
+        for (i, mean) in means.iter().enumerate() {
             let mean = if self.depth.kind.centered { 0.0 } else { *mean };
             lo[i] += bounds.lo[i % len] - mean;
             hi[i] += bounds.hi[i % len] - mean;
@@ -76,8 +76,7 @@ impl WindowProblem<'_> {
         }
         let (lo, hi) = (&mut s.lo[..split], &mut s.hi[..split]);
         self.box_of_this_step(bounds, s.outputs, data, s.z, (lo, hi));
-        let means = self.shared.means(self.depth.layout);
-        for (((x, mean), lo), hi) in window.iter_mut().zip(means).zip(&*s.lo).zip(&*s.hi) {
+        for (((x, mean), lo), hi) in window.iter_mut().zip(data.means).zip(&*s.lo).zip(&*s.hi) {
             *x = x.max(lo + mean).min(hi + mean);
         }
     }

@@ -4,57 +4,11 @@
 use crate::active_set::factor::work_len;
 use crate::active_set::working_set::{ActiveBound, Kept, Sides, WorkingSet};
 use crate::panels::padded;
-use crate::plan::common::Sizes;
+use crate::plan::common::{Shared, Sizes};
 use crate::problem::Scratch;
+use crate::sliding::SlidingBuffer;
 use crate::tol;
 use core::ops::Range;
-
-/// The last samples of a signal, contiguous in memory: the window slides through a longer stretch
-/// and moves back to its beginning once at the end of it, so that a step costs no shift.
-#[derive(Debug, Clone, Copy)]
-struct SlidingBuffer {
-    at: usize,      // where the stretch begins
-    width: usize,   // numbers in a sample
-    samples: usize, // in the stretch
-    start: usize,
-    len: usize,
-}
-
-impl SlidingBuffer {
-    #[inline]
-    fn window(&self) -> Range<usize> {
-        let first = self.at + self.start * self.width;
-        first..first + self.len * self.width
-    }
-
-    /// Where the last samples are.
-    #[inline]
-    fn last(&self, samples: usize) -> Range<usize> {
-        let end = self.window().end;
-        end - samples * self.width..end
-    }
-
-    /// Where the next sample goes.
-    #[inline]
-    fn next(&mut self, block: &mut [f64]) -> Range<usize> {
-        if self.start + self.len == self.samples {
-            block.copy_within(self.window(), self.at);
-            self.start = 0;
-        }
-        self.len += 1;
-        self.last(1)
-    }
-
-    #[inline]
-    fn forget(&mut self) {
-        self.start += 1;
-        self.len -= 1;
-    }
-
-    fn clear(&mut self) {
-        (self.start, self.len) = (0, 0);
-    }
-}
 
 /// Sizes of the room that a step works in, in the order in which it lies in the block.
 #[derive(Debug, Clone, Copy)]
@@ -100,9 +54,11 @@ pub struct Memory<B> {
     block: B,
     outputs: SlidingBuffer,
     states: SlidingBuffer,
+    inputs: SlidingBuffer,
     depth: usize,   // outputs in the window of this step
     missing: usize, // NaN among the outputs that are kept
     aside: usize,   // where the outputs are kept that were set aside
+    forced: Forced, // where the forced motion is
     room: Room,
     scratch: usize, // where the room begins
     sides: usize,   // active bounds of the last step
@@ -116,26 +72,60 @@ fn samples(depth: usize) -> usize {
 }
 
 /// Numbers that a memory takes, for windows up to `horizon` and up to `rank` directions.
-pub fn memory_len(Sizes { n, p, horizon, rank, .. }: Sizes) -> usize {
+pub fn memory_len(sizes: Sizes) -> usize {
+    let Sizes { n, p, horizon, rank, .. } = sizes;
     let stretch = padded(samples(horizon) * p) + padded(samples(horizon) * n);
-    stretch + padded(horizon * p) + Room::new(n, p, horizon, rank).len(rank)
+    let known = padded(horizon * p) + Forced::new(sizes, 0).len();
+    stretch + known + Room::new(n, p, horizon, rank).len(rank)
+}
+
+/// The forced motion of the window, and what is left of its outputs: nothing without inputs.
+#[derive(Debug, Clone, Copy)]
+struct Forced {
+    inputs: usize, // where the stretch of the inputs begins
+    x: usize,      // means + x_f, in the user's units
+    y: usize,      // y_f
+    free: usize,   // y - y_f
+    room: usize,
+    end: usize,
+    at: usize,
+}
+
+impl Forced {
+    fn new(sizes: Sizes, at: usize) -> Self {
+        let Sizes { n, p, m, horizon, .. } = sizes;
+        let known = |len: usize| if m > 0 { padded(len) } else { 0 };
+        let x = at + known(samples(horizon) * m);
+        let y = x + known((horizon + 1) * n);
+        let free = y + known(horizon * p);
+        let room = free + known(horizon * p);
+        Forced { inputs: at, x, y, free, room, end: room + known(sizes.response().room()), at }
+    }
+
+    fn len(&self) -> usize {
+        self.end - self.at
+    }
 }
 
 impl<B: AsRef<[f64]> + AsMut<[f64]>> Memory<B> {
     /// In a block of [`memory_len`] zeros.
-    pub fn new(Sizes { n, p, horizon, rank, .. }: Sizes, block: B) -> Self {
+    pub fn new(sizes: Sizes, block: B) -> Self {
+        let Sizes { n, p, m, horizon, rank, .. } = sizes;
         let samples = samples(horizon);
         let aside = padded(samples * p) + padded(samples * n);
-        let slide = |at, width| SlidingBuffer { at, width, samples, start: 0, len: 0 };
+        let forced = Forced::new(sizes, aside + padded(horizon * p));
+        let slide = |at, width| SlidingBuffer::new(at, width, samples);
         Memory {
             block,
             outputs: slide(0, p),
             states: slide(padded(samples * p), n),
+            inputs: slide(forced.inputs, m),
             depth: 0,
             missing: 0,
             aside,
             room: Room::new(n, p, horizon, rank),
-            scratch: aside + padded(horizon * p),
+            scratch: forced.end,
+            forced,
             sides: 0,
             before: 0,
             kept: Kept::default(),
@@ -147,6 +137,7 @@ impl<B: AsRef<[f64]> + AsMut<[f64]>> Memory<B> {
         self.block.as_mut().fill(0.0);
         self.outputs.clear();
         self.states.clear();
+        self.inputs.clear();
         (self.depth, self.missing, self.sides, self.before) = (0, 0, 0, 0);
         self.kept = Kept::default();
     }
@@ -203,6 +194,53 @@ impl<B: AsRef<[f64]> + AsMut<[f64]>> Memory<B> {
     fn missing(&self) -> bool {
         self.missing > 0
             && (self.depth == self.outputs.len || self.window().iter().any(|y| y.is_nan()))
+    }
+
+    /// All inputs that are kept.
+    pub fn inputs(&self) -> &[f64] {
+        &self.block.as_ref()[self.inputs.window()]
+    }
+
+    /// The inputs in the window of this step.
+    pub fn window_inputs(&self) -> &[f64] {
+        &self.block.as_ref()[self.inputs.last(self.depth)]
+    }
+
+    /// Appends the inputs at the instant of the newest output, as scaled deviations.
+    #[inline(always)]
+    pub fn push_input(&mut self, u: impl Iterator<Item = f64>) {
+        if self.inputs.width == 0 {
+            return;
+        }
+        let at = self.inputs.next(self.block.as_mut());
+        self.block.as_mut()[at].iter_mut().zip(u).for_each(|(slot, u)| *slot = u);
+    }
+
+    /// The forced motion of the window of this step, from its inputs.
+    #[inline(always)]
+    pub fn force(&mut self, shared: &Shared<'_>) {
+        let Some(response) = shared.response() else { return };
+        let (depth, n, p) = (self.depth, self.states.width, self.outputs.width);
+        let (inputs, forced) = (self.inputs.last(depth), self.forced);
+        let (known, rest) = self.block.as_mut().split_at_mut(forced.x);
+        let (x, rest) = rest.split_at_mut(forced.y - forced.x);
+        let (y, rest) = rest.split_at_mut(forced.free - forced.y);
+        let room = &mut rest[forced.room - forced.free..forced.end - forced.free];
+        let (x, y) = (&mut x[..(depth + 1) * n], &mut y[..depth * p]);
+        response.forced(&known[inputs], x, y, room);
+        let means = shared.means.iter().zip(shared.s_x.iter().cycle());
+        x.iter_mut().zip(means).for_each(|(x, (mean, s))| *x = mean + *x * s);
+    }
+
+    /// The outputs of the window without their forced motion.
+    #[inline(always)]
+    fn free(&mut self) {
+        let window = self.outputs.last(self.depth);
+        let (outputs, rest) = self.block.as_mut().split_at_mut(self.forced.y);
+        let (y, free) = rest.split_at_mut(self.forced.free - self.forced.y);
+        for ((free, y), y_f) in free.iter_mut().zip(&outputs[window]).zip(y) {
+            *free = y - *y_f;
+        }
     }
 
     /// An entry beyond [`MEASURABLE`](tol::MEASURABLE) counts as not measured. Returns how many do.
@@ -286,7 +324,7 @@ impl<B: AsRef<[f64]> + AsMut<[f64]>> Memory<B> {
         self.block.as_mut()[at].iter_mut().zip(x).for_each(|(slot, x)| *slot = x);
     }
 
-    /// Forgets the oldest output and the oldest state.
+    /// Forgets the oldest output with its inputs, and the oldest state.
     #[inline]
     pub fn forget(&mut self) {
         if self.missing > 0 {
@@ -295,6 +333,9 @@ impl<B: AsRef<[f64]> + AsMut<[f64]>> Memory<B> {
         }
         self.outputs.forget();
         self.states.forget();
+        if self.inputs.width > 0 {
+            self.inputs.forget();
+        }
     }
 
     /// The active bounds of the last step.
@@ -329,6 +370,15 @@ impl<B: AsRef<[f64]> + AsMut<[f64]>> Memory<B> {
     pub fn parts(&mut self) -> Parts<'_> {
         let missing = self.missing();
         let (states, outputs) = (self.states.last(self.depth), self.outputs.last(self.depth));
+        let (outputs, means) = match self.inputs.width {
+            0 => (outputs, None),
+            _ => {
+                self.free();
+                let Forced { x, free, .. } = self.forced;
+                let states = (self.depth + 1) * self.states.width;
+                (free..free + outputs.len(), Some(x..x + states))
+            }
+        };
         let (window, room) = self.block.as_mut().split_at_mut(self.scratch);
         let (unconstrained, room) = room.split_at_mut(self.room.rank);
         let (z, room) = room.split_at_mut(self.room.rank);
@@ -345,6 +395,7 @@ impl<B: AsRef<[f64]> + AsMut<[f64]>> Memory<B> {
         Parts {
             prior: &window[states.start..states.start + n],
             outputs: &window[outputs],
+            means: means.map(|means| &window[means]),
             missing,
             scratch: Scratch {
                 unconstrained,
@@ -372,8 +423,10 @@ impl<B: AsRef<[f64]> + AsMut<[f64]>> Memory<B> {
 pub struct Parts<'a> {
     /// x̄(t-m) (n), as scaled deviations.
     pub prior: &'a [f64],
-    /// y(t-m) … y(t-1) (m·p), NaN where not measured.
+    /// y(t-m) … y(t-1) (m·p), NaN where not measured; without their forced motion.
     pub outputs: &'a [f64],
+    /// Means of the states with the forced motion, where there are inputs.
+    pub means: Option<&'a [f64]>,
     /// Whether there is a NaN among them.
     pub missing: bool,
     /// Room for a step.

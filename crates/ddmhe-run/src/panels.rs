@@ -78,6 +78,17 @@ impl<'a> Panels<'a> {
         }
     }
 
+    /// out += M x for the columns of M from `first` on; the column behind them.
+    #[inline(always)]
+    pub fn add(self, first: usize, x: &[f64], out: &mut [f64]) -> usize {
+        let end = first + x.len();
+        let panels = self.data.chunks_exact(self.columns);
+        for (panel, out) in panels.zip(out.as_chunks_mut::<WIDTH>().0) {
+            *out = product::<1>(*out, &panel[first..end], x);
+        }
+        end
+    }
+
     /// out = start + M [x; y], for few rows and many columns: four running sums a row, which need
     /// not wait for each other.
     #[inline(always)]

@@ -17,6 +17,10 @@ pub struct Data<'a> {
     pub outputs: &'a [f64],
     /// Whether there is a NaN.
     pub missing: bool,
+    /// What makes states of the window's deviations, in the user's units ((m+1)·n): the recording's
+    /// means, and where there are inputs the forced motion beside them. The outputs are then without
+    /// theirs.
+    pub means: &'a [f64],
     /// Bounds on the states for this step alone: n numbers each, or (m+1)·n.
     pub x_bounds: Option<Limits<'a>>,
 }
@@ -97,6 +101,15 @@ impl<'a> WindowProblem<'a> {
             center: depth.center.of(own),
             center_gain: Panels::new(layout.outputs_len(), depth.center_gain.of(own)),
         }
+    }
+}
+
+impl WindowProblem<'_> {
+    /// What makes states of the window's deviations: the recording's means, unless inputs moved
+    /// them.
+    #[inline(always)]
+    pub fn means<'b>(&'b self, moved: Option<&'b [f64]>) -> &'b [f64] {
+        moved.unwrap_or_else(|| self.shared.means(self.depth.layout))
     }
 }
 

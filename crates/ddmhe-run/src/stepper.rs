@@ -65,16 +65,18 @@ pub struct Pass<'a, B, F> {
 }
 
 impl<B: AsRef<[f64]> + AsMut<[f64]>, F: Fallback> Pass<'_, B, F> {
-    /// Takes y(t-1) into the window, NaN where not measured, and finds its minimiser; states and
+    /// Takes y(t-1), NaN where not measured, and u(t-1) into the window and finds its minimiser; states and
     /// noise are in the answer then.
     #[inline(always)]
-    pub fn consume(&mut self, y: &[f64], out: &mut Answer<'_>) -> Found {
+    pub fn consume(&mut self, y: &[f64], u: &[f64], out: &mut Answer<'_>) -> Found {
         let shared = &self.problem.shared;
         let missing = self.memory.push_output(shared.output_deviations(y));
+        self.memory.push_input(shared.input_deviations(u));
         let depth = self.problem.depth.layout.depth;
         if self.memory.depth() != depth {
             self.memory.deepen(depth);
         }
+        self.memory.force(shared);
         let solution = self.minimise(out);
         let mut found = Found { solution, anew: false, forgot: false };
         if solution.status != Status::Optimal {
@@ -108,9 +110,11 @@ impl<B: AsRef<[f64]> + AsMut<[f64]>, F: Fallback> Pass<'_, B, F> {
     /// The minimiser over the window in memory.
     #[inline(always)]
     fn minimise(&mut self, out: &mut Answer<'_>) -> WindowSolution {
-        let Parts { prior, outputs, missing, mut scratch, mut working } = self.memory.parts();
+        let Parts { prior, outputs, means, missing, mut scratch, mut working } =
+            self.memory.parts();
+        let means = self.problem.means(means);
         // the filtering update: x̄(t-M_t) is the estimate that was made then
-        let data = Data { prior, outputs, missing, x_bounds: self.x_bounds };
+        let data = Data { prior, outputs, missing, means, x_bounds: self.x_bounds };
         let answer = (&mut *out.window, &mut *out.v);
         let (problem, fallback) = (self.problem, self.fallback);
         let room = (&mut working, &mut scratch);
@@ -151,8 +155,9 @@ impl<B: AsRef<[f64]> + AsMut<[f64]>, F: Fallback> Pass<'_, B, F> {
             found.solution = self.minimise_again(out);
         }
         if !found.solution.sound {
-            let Parts { prior, outputs, missing, mut scratch, .. } = self.memory.parts();
-            let data = Data { prior, outputs, missing, x_bounds: self.x_bounds };
+            let Parts { prior, outputs, means, missing, mut scratch, .. } = self.memory.parts();
+            let means = self.problem.means(means);
+            let data = Data { prior, outputs, missing, means, x_bounds: self.x_bounds };
             found.solution = self.problem.rest(&data, &mut scratch, (out.window, out.v));
         }
         found.solution.status = status;
@@ -211,8 +216,8 @@ impl<B: AsRef<[f64]> + AsMut<[f64]>, F: Fallback> Pass<'_, B, F> {
 
     /// The window with its states moved into a box; None: the configured one.
     fn move_into(&mut self, x_bounds: Option<Limits<'_>>, out: &mut Answer<'_>) {
-        let Parts { prior, outputs, missing, mut scratch, .. } = self.memory.parts();
-        let data = Data { prior, outputs, missing, x_bounds };
+        let Parts { prior, outputs, means, missing, mut scratch, .. } = self.memory.parts();
+        let data = Data { prior, outputs, missing, means: self.problem.means(means), x_bounds };
         self.problem.confine(&data, &mut scratch, out.window);
     }
 }
@@ -288,6 +293,11 @@ impl<'p, 'm> Stepper<'p, 'm> {
         for y in shared.outputs.chunks_exact(p) {
             self.memory.push_output(y.iter().copied());
         }
+        if shared.sizes.m > 0 {
+            for u in shared.inputs.chunks_exact(shared.sizes.m) {
+                self.memory.push_input(u.iter().copied());
+            }
+        }
     }
 
     /// Steps taken since the start.
@@ -300,9 +310,15 @@ impl<'p, 'm> Stepper<'p, 'm> {
     /// exactly inside the box on the states; see the head of this module for what they then are.
     /// None for another number of entries; the estimator is then unchanged.
     pub fn step(&mut self, y: &[f64]) -> Option<Estimate<'_>> {
+        self.step_with(y, &[])
+    }
+
+    /// [`step`](Self::step) of a system with known inputs u(t-1) (m numbers). None as well where
+    /// one is not finite, or more than 1/ε deviations from the recording.
+    pub fn step_with(&mut self, y: &[f64], u: &[f64]) -> Option<Estimate<'_>> {
         let horizon = self.plan.horizon();
         let (n, p) = (self.plan.n(), self.plan.p());
-        if y.len() != p {
+        if y.len() != p || !self.problem.shared.knows(u) {
             return None;
         }
         if self.memory.len() == horizon {
@@ -326,7 +342,7 @@ impl<'p, 'm> Stepper<'p, 'm> {
         let memory = &mut self.memory;
         let problem = &self.problem;
         let mut pass = Pass { problem, memory, fallback: &Alone, x_bounds: None };
-        let found = pass.consume(y, &mut out);
+        let found = pass.consume(y, u, &mut out);
         pass.hand_out(&found, &mut out, |_, _| {});
         self.t += 1;
         if self.plan.starts_unknown() && self.t == layout.depth {

@@ -41,7 +41,7 @@ impl WindowProblem<'_> {
         working.predict(|row| layout.older(row));
         let found = self.minimise(fallback, data, (working, scratch), v)?;
         working.adapt(|row| layout.older(row));
-        self.in_user_units(scratch.window, states);
+        self.in_user_units(scratch.window, data.means, states);
         let cost = self.cost(data, scratch, v);
         let sound = cost.is_finite() && self.within_reach(scratch.window);
         let status = if sound { found.status } else { Status::Failed };
@@ -141,13 +141,19 @@ impl WindowProblem<'_> {
     fn own_box(&self, x: Option<Limits<'_>>, data: &Data<'_>, s: &mut Scratch<'_>) -> bool {
         let split = self.depth.layout.split();
         match x {
-            Some(bounds) if data.x_bounds.is_some() || self.depth.kind.centered => {
+            Some(bounds) if data.x_bounds.is_some() || self.moving_box() => {
                 let (lo, hi) = (&mut s.lo[..split], &mut s.hi[..split]);
                 self.box_of_this_step(bounds, s.outputs, data, s.z, (lo, hi));
                 true
             }
             _ => false,
         }
+    }
+
+    /// Whether the box on the states is another at every step: about x_c(t), or moved by inputs.
+    #[inline(always)]
+    fn moving_box(&self) -> bool {
+        self.depth.kind.centered || self.shared.sizes.m > 0
     }
 
     /// The smallest distances of z*'s window to its bounds, in units of the rows, or less, in eight
@@ -186,8 +192,7 @@ impl WindowProblem<'_> {
 
     /// The states of a window, (m+1)·n, in the user's units.
     #[inline(always)]
-    fn in_user_units(&self, window: &[f64], states: &mut [f64]) {
-        let means = self.shared.means(self.depth.layout);
+    fn in_user_units(&self, window: &[f64], means: &[f64], states: &mut [f64]) {
         sum(&window[..means.len()], means, states);
     }
 
@@ -237,7 +242,7 @@ impl WindowProblem<'_> {
     ) -> WindowSolution {
         let offset = self.rows.offset;
         s.window[..offset.len()].copy_from_slice(offset);
-        self.in_user_units(s.window, states);
+        self.in_user_units(s.window, data.means, states);
         self.residual(data.outputs, s.window, v);
         WindowSolution { sound: true, cost: self.cost(data, s, v), ..WindowSolution::default() }
     }

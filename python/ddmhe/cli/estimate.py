@@ -67,8 +67,8 @@ FIGURES = (".png", ".pdf", ".svg")
 def command(
     log: Path, out: Path | None, plot: Path | None, config: Path | None, **given: Any
 ) -> None:
-    """Estimate the states of a CSV log from its outputs, after a history in which both were
-    recorded.
+    """Estimate the states of a CSV log from its outputs, and known inputs if there are any, after a
+    history in which both were recorded.
 
     Writes the time column and one column per state, and prints the errors where the log holds the
     states."""
@@ -84,7 +84,7 @@ def command(
         warn(sentence)
     asked = len(split.Y)
     try:
-        estimates = est.run(split.Y)
+        estimates = est.run(split.Y, split.U)
     except KeyboardInterrupt as e:
         estimates = e.finished  # type: ignore[attr-defined]
         samples, split = _cut(samples, split, len(estimates.x))
@@ -106,10 +106,14 @@ def _cut(samples: Log, split: Split, made: int) -> tuple[Log, Split]:
         raise KeyboardInterrupt
     print(f"ddmhe: stopped: {made} of {len(split.Y)} samples were estimated", file=sys.stderr)
     end = len(samples.t) - left_out
-    parts = {name: getattr(samples, name)[:end] for name in ("t", "x", "y", "lines", "samples")}
-    x_true = None if split.x_true is None else split.x_true[:made]
-    return replace(samples, **parts), split._replace(
-        Y=split.Y[:made], t=split.t[:made], x_true=x_true
+
+    def first(whole: Log | Split, names: tuple[str, ...], rows: int) -> dict[str, Any]:
+        parts = {name: getattr(whole, name) for name in names}
+        return {name: part if part is None else part[:rows] for name, part in parts.items()}
+
+    return (
+        replace(samples, **first(samples, ("t", "x", "y", "u", "lines", "samples"), end)),
+        replace(split, **first(split, ("Y", "t", "x_true", "U"), made)),
     )
 
 

@@ -136,6 +136,12 @@ def directory_option(default: str) -> Callable[[Any], Any]:
 
 def log_options(command: Any) -> Any:
     """The log and how to read it: what every command that takes a log has."""
+    named = click.option(
+        "--input",
+        callback=names,
+        metavar="C1,C2,...",
+        help="Columns of known inputs, with a number in every row.  [default: none]",
+    )
     return click.argument("log", type=click.Path(path_type=Path))(
-        reading_options(required=True)(command)
+        reading_options(required=True)(named(command))
     )

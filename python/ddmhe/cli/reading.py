@@ -26,7 +26,11 @@ def read(log: Path, given: dict[str, Any]) -> tuple[Log, Split]:
     """
     columns = [given.pop(name) for name in ("state", "output", "time", "start", "decimate")]
     samples = read_log(
-        log, *columns, missing=given.pop("missing") or (), unwrap=given.pop("unwrap")
+        log,
+        *columns,
+        input=given.pop("input", ()),
+        missing=given.pop("missing") or (),
+        unwrap=given.pop("unwrap"),
     )
     for sentence in _oddities(samples):
         warn(sentence)
@@ -39,6 +43,8 @@ def _oddities(log: Log) -> Iterator[str]:
     columns = dict(zip(log.names.state, log.x.T, strict=True)) | dict(
         zip(log.names.output, log.y.T, strict=True)
     )
+    if log.u is not None:
+        columns |= dict(zip(log.names.input, log.u.T, strict=True))
     for name, values in columns.items():
         rows = far_out(values)
         if rows.size:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -97,7 +98,7 @@ class _Found:
         for name in names:
             task = progress.add_task(name, total=EXPERIMENTS[name].units)
             try:
-                result, paths = run_experiment(name, out, lambda t=task: progress.advance(t))  # type: ignore[misc]
+                result, paths = run_experiment(name, out, partial(progress.advance, task))
             except KeyboardInterrupt:
                 self.stopped = True
                 return

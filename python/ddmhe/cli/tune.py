@@ -24,7 +24,9 @@ __all__ = ["command"]
 @directory_option("ddmhe-tune")
 @click.option("--output-noise", type=float, help="Standard deviation of the online outputs' noise.")
 @click.option(
-    "--rest", is_flag=True, help="x = 0, y = 0 is a rest of the system: try it as an equilibrium."
+    "--rest",
+    is_flag=True,
+    help="x = 0, y = 0 (and input 0) is a rest of the system: try it as an equilibrium.",
 )
 def command(log: Path, out: Path, output_noise: float | None, rest: bool, **given: Any) -> None:
     """Settings from a recording alone, chosen on parts of it that the estimator has not seen.
@@ -38,7 +40,8 @@ def command(log: Path, out: Path, output_noise: float | None, rest: bool, **give
 
     samples, split = read(log, given)
     h = split.history
-    equilibrium = (np.zeros(h.n), np.zeros(h.p)) if rest else None
+    sizes = (h.n, h.p, h.m) if h.m else (h.n, h.p)
+    equilibrium = tuple(np.zeros(size) for size in sizes) if rest else None
     stopped = False
     try:
         found = tuned(h, output_noise=output_noise, equilibrium=equilibrium)

@@ -17,7 +17,7 @@ from ddmhe.recordings.log import LogError, Names
 
 Array = NDArray[np.float64]
 
-__all__ = ["column", "columns_named", "read_table", "units_of_columns"]
+__all__ = ["check_columns", "column", "read_table", "units_of_columns"]
 
 _NOT_MEASURED = frozenset({"", "nan", "na", "n/a", "#n/a", "<na>", "null", "none"})
 _SECONDS = frozenset({"s", "sec", "secs", "second", "seconds"})
@@ -55,14 +55,11 @@ def read_table(path: str) -> pd.DataFrame:
     return table
 
 
-def columns_named(
-    path: str, header: list[str], state: Sequence[str], output: Sequence[str], time: str | None
-) -> Names:
-    """The columns that were asked for, time first by default; LogError unless the header has each
-    once."""
-    time = header[0] if time is None else time
-    for option, group in (("time", [time]), ("state", state), ("output", output)):
-        if not group:
+def check_columns(path: str, header: list[str], asked: Names) -> None:
+    """LogError unless the header has each column that is asked for, once."""
+    groups = {"time": (asked.time,), "state": asked.state, "output": asked.output}
+    for option, group in (groups | {"input": asked.input}).items():
+        if not group and option != "input":
             raise LogError(f"{option}: expected at least one column name, found none")
         for column in group:
             if column not in header:
@@ -78,11 +75,10 @@ def columns_named(
                 raise LogError(
                     f"{option}: expected different columns, found {column!r} more than once"
                 )
-            if option != "time" and column == time:
+            if option != "time" and column == asked.time:
                 raise LogError(
                     f"{option}: expected columns other than the time column, found {column!r}"
                 )
-    return Names(time, tuple(state), tuple(output))
 
 
 def _nearest(column: str, header: list[str]) -> str:

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ddmhe.checks import check_kind, check_path, shown
-from ddmhe.recordings.cells import column, columns_named, read_table, units_of_columns
+from ddmhe.recordings.cells import check_columns, column, read_table, units_of_columns
 from ddmhe.recordings.clock import first_row, nominal_step, samples_of, times
 from ddmhe.recordings.log import LARGEST, Gap, Log, LogError, Names
 from ddmhe.recordings.oddities import unwrapped
@@ -32,6 +32,7 @@ def read_log(
     start: float | None = None,
     decimate: int = 1,
     *,
+    input: Sequence[str] = (),
     missing: Sequence[float] = (),
     unwrap: Sequence[str] = (),
 ) -> Log:
@@ -51,8 +52,11 @@ def read_log(
     decimate
         Keep every decimate-th sample, at least 1; one whose row is lost is a gap, the next ones
         stay in place.
+    input
+        Names of the columns of known inputs (m); `Log.split` wants a number at every sample of
+        them.
     missing
-        Numbers that stand for "not measured" in state and output columns, like -9999.
+        Numbers that stand for "not measured" in these columns, like -9999.
     unwrap
         Columns of angles within one turn (2 pi or 360) to be made continuous.
 
@@ -62,11 +66,14 @@ def read_log(
         One sentence naming the file, and the column and line where there is one.
     """
     check_path("path", path)
-    _check_options(state, output, unwrap, time, start, decimate)
+    _check_options((state, output, input), unwrap, time, start, decimate)
     numbers = checked_missing(missing)
     name = str(path)
     table = read_table(name)
-    names = columns_named(name, list(table.columns), state, output, time)
+    header = list(table.columns)
+    first = header[0] if time is None else time
+    names = Names(first, tuple(state), tuple(output), tuple(input))
+    check_columns(name, header, names)
     _check_unwrap(unwrap, names)
     table, units = units_of_columns(name, table, names.time)
     t = times(name, table, names.time)
@@ -85,7 +92,8 @@ def read_log(
     gaps = _gaps(t, samples, lines, int(kept[0]))
     numbered = (samples[kept] - samples[kept[0]]) // decimate
     x, y = columns(names.state), columns(names.output)
-    return Log(name, names, t[kept], x, y, dt, lines[kept], numbered, gaps, int(decimate), units)
+    u = columns(names.input) if names.input else None
+    return Log(name, names, t[kept], x, y, dt, lines[kept], numbered, gaps, int(decimate), units, u)
 
 
 def _gaps(
@@ -111,10 +119,11 @@ def checked_missing(missing: Sequence[float]) -> tuple[float, ...]:
 
 
 def _check_options(
-    state: Any, output: Any, unwrap: Any, time: Any, start: Any, decimate: Any
+    columns: tuple[Any, Any, Any], unwrap: Any, time: Any, start: Any, decimate: Any
 ) -> None:
     """LogError naming the first option of `read_log` that is of a wrong kind."""
-    for option, group in (("state", state), ("output", output), ("unwrap", unwrap)):
+    options = ("state", "output", "input", "unwrap")
+    for option, group in zip(options, (*columns, unwrap), strict=True):
         _check_texts(option, group)
     if time is not None:
         check_kind("time", time, str, "the name of a column")
@@ -130,6 +139,7 @@ def _check_texts(option: str, group: Sequence[str]) -> None:
 
 
 def _check_unwrap(unwrap: Sequence[str], names: Names) -> None:
+    known = "states, outputs or inputs" if names.input else "states or outputs"
     for name in unwrap:
-        if name not in (*names.state, *names.output):
-            raise LogError(f"unwrap: expected a column of the states or outputs, found {name!r}")
+        if name not in (*names.state, *names.output, *names.input):
+            raise LogError(f"unwrap: expected a column of the {known}, found {name!r}")

@@ -3,13 +3,13 @@
 A log samples regularly: its stamps may jitter or come late, but where the clock says that rows are
 lost there is a gap. Gaps are errors unless `Log.fill_gaps` turned them into rows not measured: the
 estimator then runs through them without data, and inside the history at most 10 such rows in a row
-are interpolated."""
+are interpolated. Known inputs act at every sample: they are never filled in."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,6 +42,7 @@ class Names:
     time: str
     state: tuple[str, ...]
     output: tuple[str, ...]
+    input: tuple[str, ...] = ()
 
 
 class Gap(NamedTuple):
@@ -55,8 +56,11 @@ class Gap(NamedTuple):
     """Line of the row before in the file, from 1."""
 
 
-class Split(NamedTuple):
-    """A log as the estimator needs it; N estimates follow the history of T samples."""
+@dataclass(frozen=True, eq=False)
+class Split:
+    """A log as the estimator needs it; N estimates follow the history of T samples.
+
+    It unpacks as (history, Y, t, x_true)."""
 
     history: History
     Y: Array
@@ -65,6 +69,12 @@ class Split(NamedTuple):
     """Times (N,) of the estimates, s: log rows T+1 to T+N."""
     x_true: Array | None
     """States (N, n) at t as logged, NaN where not; None if none was logged."""
+    U: Array | None = None
+    """Known inputs (N, m) at the rows of Y, for DdMhe.run; None for a log without."""
+
+    def __iter__(self) -> Iterator[Any]:
+        """The four parts of a log without inputs."""
+        return iter((self.history, self.Y, self.t, self.x_true))
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,6 +104,8 @@ class Log:
     units: Mapping[str, str] = field(default_factory=dict)
     """Units of columns, from a line below the header; a column that is not among them may state its
     own in its name."""
+    u: Array | None = None
+    """Known inputs (N, m), NaN where the file has no number; None for a log without."""
 
     def unit(self, column: str) -> str:
         """The unit of a column, "" where neither a line of units nor its name states one."""
@@ -122,9 +134,9 @@ class Log:
         lines[rows] = self.lines
         t = np.interp(np.arange(size), rows, self.t)
         filled = np.arange(size, dtype=np.int64)
-        return replace(
-            self, t=t, x=spread(self.x), y=spread(self.y), lines=lines, samples=filled, gaps=()
-        )
+        x, y = spread(self.x), spread(self.y)
+        u = None if self.u is None else spread(self.u)
+        return replace(self, t=t, x=x, y=y, lines=lines, samples=filled, gaps=(), u=u)
 
     def history_samples(self, history: float) -> int:
         """T = round(history/dt).
@@ -152,10 +164,10 @@ class Log:
 
     def split(self, history: float) -> Split:
         """Cut the log after `history` seconds: states of rows 0 to T and outputs of rows 0 to T-1
-        are the history.
+        are the history, with the inputs at the same rows.
 
-        Raises LogError for a history that does not fit, for samples missing inside it, and for
-        gaps."""
+        Raises LogError for a history that does not fit, for samples missing inside it, for gaps,
+        and for an input without a number at any row but the last."""
         T = self.history_samples(history)
         if self.gaps:
             gap = self.gaps[0]
@@ -167,19 +179,46 @@ class Log:
             )
         self._check_measured(self.x[: T + 1], self.names.state)
         self._check_measured(self.y[:T], self.names.output)
-        x_units, y_units = (
-            [self.unit(name) for name in names] for names in (self.names.state, self.names.output)
-        )
+        self._check_known()
         recorded = History(
             self._bridged(self.x, T + 1),
             self._bridged(self.y, T),
             dt=self.dt,
-            x_units=x_units,
-            y_units=y_units,
+            x_units=[self.unit(name) for name in self.names.state],
+            y_units=[self.unit(name) for name in self.names.output],
+            u=None if self.u is None else self.u[:T],
+            u_units=None if self.u is None else [self.unit(name) for name in self.names.input],
         )
         x_true = self.x[T + 1 :]
         return Split(
-            recorded, self.y[T:-1], self.t[T + 1 :], None if np.isnan(x_true).all() else x_true
+            recorded,
+            self.y[T:-1],
+            self.t[T + 1 :],
+            None if np.isnan(x_true).all() else x_true,
+            None if self.u is None else self.u[T:-1],
+        )
+
+    def _check_known(self) -> None:
+        """LogError naming the first column and line of an input that has no number; the last row is
+        not asked, for nothing follows that it acts on."""
+        lacking = np.argwhere(np.isnan(self.u[:-1])) if self.u is not None else np.empty((0, 2))
+        if not lacking.size:
+            return
+        row, column = map(int, lacking[0])
+        name = self.names.input[column]
+        if self.lines[row] > 0:
+            raise LogError(
+                f"{self.path}, line {self.lines[row]}, column {name!r}: expected a number at every "
+                "sample of an input, found an empty cell, NaN or a number that stands for not "
+                "measured"
+            )
+        before = int(np.flatnonzero(self.lines[:row])[-1])
+        after = row + int(np.argmax(self.lines[row:] > 0))
+        raise LogError(
+            f"{self.path}: gap at {self.t[before]:.10g} s (line {self.lines[before]}), column "
+            f"{name!r}: expected a number at every sample of an input, found {after - before - 1} "
+            "samples missing; write what the input was there into the file, or use another start "
+            "or history"
         )
 
     def _bridged(self, values: Array, size: int) -> Array:

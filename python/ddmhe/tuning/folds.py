@@ -20,6 +20,7 @@ __all__ = [
     "Fold",
     "Recorded",
     "ends_of",
+    "known",
     "like",
     "quarters",
     "spreads",
@@ -42,6 +43,8 @@ class Fold(NamedTuple):
     """State (n,) at which the part begins."""
     outputs: Array
     """Outputs (N, p) of the part."""
+    inputs: Array | None
+    """Known inputs (N, m) of the part; None for a system without."""
     truth: Array
     """States (N, n) that they are to show."""
     spans: list[int]
@@ -63,8 +66,8 @@ class Recorded:
     ones."""
     output_noise: ArrayLike | None = None
     """That of the online outputs, as stated."""
-    equilibrium: tuple[ArrayLike, ArrayLike] | None = None
-    """A known rest (x_e, y_e)."""
+    equilibrium: tuple[ArrayLike, ...] | None = None
+    """A known rest (x_e, y_e), with u_e for a system with inputs."""
 
     @cached_property
     def x(self) -> Array:
@@ -77,10 +80,20 @@ class Recorded:
         return self.history.recordings[self.longest][1]
 
     @cached_property
+    def u(self) -> Array:
+        """Known inputs (T, m) of the longest recording; m = 0 for a system without."""
+        return _inputs(self.history)[self.longest]
+
+    @cached_property
     def others(self) -> list[History]:
         """The other recordings."""
-        pairs = enumerate(self.history.recordings)
-        return [like(self.history, x, y) for i, (x, y) in pairs if i != self.longest]
+        h = self.history
+        signals = zip(h.recordings, _inputs(h), strict=True)
+        return [like(h, x, y, u) for i, ((x, y), u) in enumerate(signals) if i != self.longest]
+
+    def until(self, k: int) -> History:
+        """The longest recording up to its output k."""
+        return like(self.history, self.x[: k + 1], self.y[:k], self.u[:k])
 
     @cached_property
     def spread(self) -> Array:
@@ -99,42 +112,59 @@ def spreads(values: Array, units: list[str]) -> Array:
     return np.where(spread > 0, spread, 1.0)
 
 
-def like(history: History, x: Array, y: Array) -> History:
-    """Another recording of the same channels."""
-    return History(x, y, history.dt, x_units=history.x_units, y_units=history.y_units)
+def like(history: History, x: Array, y: Array, u: Array) -> History:
+    """Another recording of the same channels; u (T, m) with m = 0 for a system without inputs."""
+    x_units, y_units, u_units = history.x_units, history.y_units, history.u_units
+    if not history.m:
+        return History(x, y, history.dt, x_units=x_units, y_units=y_units)
+    return History(x, y, history.dt, u, x_units=x_units, y_units=y_units, u_units=u_units)
+
+
+def _inputs(history: History) -> list[Array]:
+    """Known inputs (T_i, m) of each recording."""
+    if history.m:
+        return history.inputs
+    return [np.zeros((len(y), 0)) for _, y in history.recordings]
+
+
+def known(u: Array) -> Array | None:
+    """Inputs (N, m) as a run takes them: None where m = 0."""
+    return u if u.shape[1] else None
 
 
 def whole(recorded: Recorded) -> Fold:
     """All recordings, and nothing that follows them: what an estimator's map is judged by."""
     h = recorded.history
-    none = (np.zeros((0, h.p)), np.zeros((0, h.n)))
-    return Fold(h, h.recordings[-1][0][-1], *none, [], recorded.spread)
+    y, u, x = (np.zeros((0, size)) for size in (h.p, h.m, h.n))
+    return Fold(h, h.recordings[-1][0][-1], y, known(u), x, [], recorded.spread)
 
 
 def quarters(recorded: Recorded) -> list[Fold]:
     """Each quarter of the longest recording held out once; what was recorded right before it comes
     last."""
-    history, x, y = recorded.history, recorded.x, recorded.y
+    history, x, y, u = recorded.history, recorded.x, recorded.y, recorded.u
     noisy = recorded.noisy(0)
     T = len(y)
     folds = []
     for q in range(QUARTERS):
         a, z = q * T // QUARTERS, (q + 1) * T // QUARTERS
-        rest = [like(history, x[i : j + 1], y[i:j]) for i, j in ((z, T), (0, a)) if j - i >= 2]
+        around = [(i, j) for i, j in ((z, T), (0, a)) if j - i >= 2]
+        rest = [like(history, x[i : j + 1], y[i:j], u[i:j]) for i, j in around]
         learnt = History.concat(recorded.others + rest)
-        truth = x[a + 1 : z + 1]
-        folds.append(Fold(learnt, x[a], noisy[a:z], truth, [z - a], recorded.spread))
+        held = noisy[a:z], known(u[a:z]), x[a + 1 : z + 1]
+        folds.append(Fold(learnt, x[a], *held, [z - a], recorded.spread))
     return folds
 
 
 def ends_of(recorded: Recorded) -> list[Fold]:
     """What follows first parts of the longest recording, learnt from them and from the other
     recordings."""
-    history, x, y = recorded.history, recorded.x, recorded.y
+    x, T = recorded.x, len(recorded.y)
     noisy = recorded.noisy(1)
     folds = []
     for share in ORIGINS:
-        k = int(share * len(y))
-        learnt = History.concat([*recorded.others, like(history, x[: k + 1], y[:k])])
-        folds.append(Fold(learnt, x[k], noisy[k:], x[k + 1 :], [len(y) - k], recorded.spread))
+        k = int(share * T)
+        learnt = History.concat([*recorded.others, recorded.until(k)])
+        held = noisy[k:], known(recorded.u[k:]), x[k + 1 :]
+        folds.append(Fold(learnt, x[k], *held, [T - k], recorded.spread))
     return folds

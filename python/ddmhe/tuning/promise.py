@@ -102,7 +102,7 @@ def _rms(fold: Fold, given: dict[str, Any]) -> Array:
     """Error of each state over each span of a fold (spans, n), in its unit; NaN where the fold is
     too short."""
     try:
-        estimates = DdMhe(fold.history, **given, start="recording").run(fold.outputs).x
+        estimates = DdMhe(fold.history, **given, start="recording").run(fold.outputs, fold.inputs).x
     except DdmheError:
         return np.full((len(fold.spans), fold.history.n), math.nan)
     with np.errstate(over="ignore", invalid="ignore"):

@@ -7,8 +7,8 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from ddmhe.tuning.folds import Fold, Recorded, like, spreads
-from ddmhe.tuning.surrogate import Surrogate
+from ddmhe.tuning.folds import Fold, Recorded, known, like, spreads
+from ddmhe.tuning.surrogate import Surrogate, continued
 
 Array = NDArray[np.float64]
 
@@ -30,7 +30,7 @@ def rehearsals_of(recorded: Recorded, report: Callable[[int], object]) -> list[F
     # in units of the spreads, so that no channel's unit weighs
     scale = spreads(recorded.y, recorded.history.y_units)
     x, y = recorded.x / recorded.spread, recorded.y / scale
-    surrogate = Surrogate(x, y, _known_rest(recorded, scale))
+    surrogate = Surrogate(x, y, _known_rest(recorded, scale), recorded.u)
     if not surrogate.misfit < EXPLAINED:
         return []
     noise = _least_noise(surrogate, x, y)
@@ -53,12 +53,12 @@ def rehearsals_of(recorded: Recorded, report: Callable[[int], object]) -> list[F
     return folds
 
 
-def _known_rest(recorded: Recorded, scale: Array) -> tuple[Array, Array] | None:
-    """The rest in units of the spreads."""
+def _known_rest(recorded: Recorded, scale: Array) -> tuple[Array, ...] | None:
+    """The rest in units of the spreads, u_e in its own."""
     if recorded.equilibrium is None:
         return None
-    x_e, y_e = (np.asarray(value, dtype=np.float64).ravel() for value in recorded.equilibrium)
-    return x_e / recorded.spread, y_e / scale
+    x_e, y_e, *u_e = (np.asarray(value, dtype=np.float64).ravel() for value in recorded.equilibrium)
+    return (x_e / recorded.spread, y_e / scale, *u_e)
 
 
 def _rehearsal(
@@ -78,8 +78,9 @@ def _rehearsal(
     noisy_y = scale * (outputs + level[:, None] * rng.standard_normal(outputs.shape))
     truth, x = spread * motion, spread * noisy_x
     spans = [min(span * T, len(outputs) - T) for span in SPANS]
-    learnt = like(recorded.history, x, noisy_y[:T])
-    return Fold(learnt, x[T], noisy_y[T:], truth[T + 1 :], spans, spread)
+    u = continued(recorded.u, len(outputs))
+    learnt = like(recorded.history, x, noisy_y[:T], u[:T])
+    return Fold(learnt, x[T], noisy_y[T:], known(u[T:]), truth[T + 1 :], spans, spread)
 
 
 def _least_noise(surrogate: Surrogate, x: Array, y: Array) -> tuple[float, float]:

@@ -93,7 +93,7 @@ def tuning_of(
         settings=settings,
         score=best.score,
         table=_table(rows),
-        words=words_for(rows, default, verdict, promise, recorded.spread),
+        words=words_for(rows, default, verdict, promise, recorded),
         start="recording",
         candidates=[c.given for c in rows],
         warnings=est.warnings,

@@ -35,7 +35,7 @@ def tune(
     history: History,
     *,
     output_noise: ArrayLike | None = None,
-    equilibrium: tuple[ArrayLike, ArrayLike] | None = None,
+    equilibrium: tuple[ArrayLike, ...] | None = None,
     progress: bool | Callable[[int, int], object] | None = None,
 ) -> Tuning:
     """Settings from the recording alone: the default rule's, unless it shows others to be better
@@ -48,7 +48,7 @@ def tune(
     output_noise : float or array (p,)
         Standard deviation of the online outputs' noise, in their unit. Default: that of the
         recorded ones.
-    equilibrium : (x_e, y_e)
+    equilibrium : (x_e, y_e), or (x_e, y_e, u_e) with inputs
         A known rest; whether it helps is part of the choice.
     progress : bool or function
         A progress bar on stderr (default: if that is a terminal), or what is called with (parts

@@ -68,7 +68,9 @@ def verdict_on(ranked: list[Candidate], default: Candidate) -> Verdict:
 
 
 def _mean_less_error(values: Array) -> float:
-    """Mean less one standard error."""
+    """Mean less one standard error; NaN of a single value, whose error nothing tells."""
+    if len(values) < 2:
+        return math.nan
     return float(np.mean(values) - np.std(values, ddof=1) / math.sqrt(len(values)))
 
 

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ddmhe.tuning.candidates import Candidate
+from ddmhe.tuning.folds import Recorded
 from ddmhe.tuning.promise import Promise
 from ddmhe.tuning.rehearsals import DRAWS, SPANS
 from ddmhe.tuning.verdict import MARGIN, Verdict
@@ -23,7 +24,11 @@ LARGEST_LOG = 40.0
 
 
 def words_for(
-    rows: list[Candidate], default: Candidate, verdict: Verdict, promise: Promise, spread: Array
+    rows: list[Candidate],
+    default: Candidate,
+    verdict: Verdict,
+    promise: Promise,
+    recorded: Recorded,
 ) -> str:
     """How far the choice can be trusted; `rows` begin with the chosen one."""
     best = verdict.chosen
@@ -42,16 +47,17 @@ def words_for(
     else:
         parts.append("The recording is too short for held-out quarters.")
     if math.isfinite(best.rehearsed):
+        driven = ", driven by the recorded inputs back and forth" if recorded.history.m else ""
         parts.append(
-            f"On {DRAWS} rehearsals of a quadratic surrogate, up to {max(SPANS)} times as long as "
-            f"the recording, the error is {math.exp(best.rehearsed):.3g} of the spread: trust it "
-            "as far as the motion stays smooth and second-order."
+            f"On {DRAWS} rehearsals of a quadratic surrogate{driven}, up to {max(SPANS)} times as "
+            f"long as the recording, the error is {math.exp(best.rehearsed):.3g} of the spread: "
+            "trust it as far as the motion stays smooth and second-order."
         )
     else:
         parts.append("Nothing here tests motion outside of the recorded region.")
     if best.equilibrium:
         parts.append("The known rest was chosen.")
-    return " ".join([*parts, _expected(promise, spread)])
+    return " ".join([*parts, _expected(promise, recorded.spread)])
 
 
 def _decision(verdict: Verdict, moved: bool, others: int) -> str:

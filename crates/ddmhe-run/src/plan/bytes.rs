@@ -7,7 +7,7 @@ use core::fmt;
 
 const MAGIC: u64 = u64::from_le_bytes(*b"ddmheplN");
 /// Goes up with every change of what a plan holds.
-const FORMAT: f64 = 1.0;
+const FORMAT: f64 = 2.0;
 /// Where the checksum is, which is of everything else.
 const SUM: usize = 3;
 
@@ -74,7 +74,7 @@ impl Common {
     /// Into the header of its own numbers. `total` is the length of the plan with its `blocks`:
     /// depths, and depths of an unknown start.
     pub fn write_header(&self, numbers: &mut [f64], total: usize, blocks: [usize; 2]) {
-        let Sizes { n, p, horizon, rank, filled, .. } = self.sizes;
+        let Sizes { n, p, m, lag, horizon, rank, filled, .. } = self.sizes;
         let Sizes { x_bounded, v_bounded, centered, plain_noise, .. } = self.sizes;
         numbers[0] = f64::from_bits(MAGIC);
         numbers[1] = FORMAT;
@@ -88,6 +88,7 @@ impl Common {
         let [x, v] = self.margins;
         let margins = [x.per_largest, x.per_smallest, v.per_largest, v.per_smallest];
         numbers[14..18].copy_from_slice(&margins);
+        (numbers[18], numbers[19]) = (m as f64, lag as f64);
     }
 
     /// From its numbers, with the blocks. `largest` is the largest number of this machine's width:
@@ -99,9 +100,12 @@ impl Common {
         }
         let [n, p, horizon, rank, filled, depths, opening] = sizes;
         let bits = known_flags(numbers[11])?;
+        let (m, lag) = (whole(numbers[18])?, whole(numbers[19])?);
         let sizes = Sizes {
             n,
             p,
+            m,
+            lag,
             horizon,
             rank,
             filled,
@@ -110,7 +114,7 @@ impl Common {
             centered: bit(bits, 2),
             plain_noise: bit(bits, 3),
         };
-        let some = n > 0 && p > 0 && horizon > 0 && rank > 0 && depths > 0;
+        let some = n > 0 && p > 0 && horizon > 0 && rank > 0 && depths > 0 && lag > 0;
         if !some || filled > horizon || !sizes.countable(largest) {
             return None;
         }
@@ -264,6 +268,11 @@ impl<'a> Plan<'a> {
     /// Outputs p.
     pub fn p(&self) -> usize {
         self.common.sizes.p
+    }
+
+    /// Known inputs m; 0 for a system without.
+    pub fn m(&self) -> usize {
+        self.common.sizes.m
     }
 
     /// Horizon M.

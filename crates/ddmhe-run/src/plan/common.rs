@@ -2,6 +2,8 @@
 
 use crate::layout::Layout;
 use crate::panels::padded;
+use crate::response::{Response, ResponseSizes};
+use crate::tol;
 
 /// Where an array is in its block.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -78,6 +80,10 @@ pub struct Sizes {
     pub n: usize,
     /// Outputs p.
     pub p: usize,
+    /// Known inputs m; 0 for a system without.
+    pub m: usize,
+    /// Instants that the response to them depends on; 1 without.
+    pub lag: usize,
     /// Horizon M.
     pub horizon: usize,
     /// The highest number of directions r of all depths.
@@ -102,13 +108,22 @@ impl Sizes {
     }
 
     /// An upper bound on these, None beyond 64 bits. With S rows that a window slides through and r
-    /// directions, each array has at most (S + r)(r + n + p) numbers.
+    /// directions, each array has at most (S + r)(r + n + p + m) numbers, or L (n + p + m)² in Θ.
     fn at_most(&self) -> Option<u64> {
-        let [n, p, M, r] = [self.n, self.p, self.horizon, self.rank].map(|size| size as u64);
-        let channels = n.checked_add(p)?;
+        let [n, p, m, lag] = [self.n, self.p, self.m, self.lag].map(|size| size as u64);
+        let [M, r] = [self.horizon, self.rank].map(|size| size as u64);
+        let channels = n.checked_add(p)?.checked_add(m)?;
+        let theta = lag.checked_mul(channels)?.checked_mul(channels.checked_add(16)?)?;
         let samples = M.max(32).checked_mul(2)?.checked_add(2)?;
         let rows = samples.checked_mul(channels)?.checked_add(r)?.checked_add(16)?;
-        rows.checked_mul(r.checked_add(channels)?.checked_add(16)?)?.checked_mul(16)
+        rows.checked_mul(r.checked_add(channels)?.checked_add(16)?)?
+            .checked_add(theta)?
+            .checked_mul(16)
+    }
+
+    /// Of the response to known inputs.
+    pub fn response(self) -> ResponseSizes {
+        ResponseSizes { n: self.n, p: self.p, m: self.m, lag: self.lag }
     }
 }
 
@@ -133,6 +148,12 @@ pub struct Common {
     pub mean_y: Span,
     /// Scales of the outputs (p).
     pub s_y: Span,
+    /// Means of the inputs (m), in the user's units.
+    pub mean_u: Span,
+    /// Scales of the inputs (m).
+    pub s_u: Span,
+    /// Θᵀ in panels: see [`Response`].
+    pub theta: Span,
     /// R of (17) in scaled units (p × p, by rows).
     pub R: Span,
     /// Smallest and largest state (n each), where the states are bounded.
@@ -151,6 +172,8 @@ pub struct Common {
     pub states: Span,
     /// Its outputs (filled·p).
     pub outputs: Span,
+    /// Its inputs (filled·m).
+    pub inputs: Span,
     /// Numbers in the block, header included.
     pub len: usize,
 }
@@ -158,7 +181,7 @@ pub struct Common {
 impl Common {
     /// Of these sizes; scalars are to be filled in.
     pub fn new(sizes: Sizes) -> Self {
-        let Sizes { n, p, horizon: M, filled, .. } = sizes;
+        let Sizes { n, p, m, horizon: M, filled, .. } = sizes;
         let mut next = Cursor(HEADER);
         let bounded = |yes: bool, len: usize| if yes { len } else { 0 };
         let none = Margin { per_largest: 1.0, per_smallest: 1.0 };
@@ -173,6 +196,9 @@ impl Common {
             per_s_x: next.take(n),
             mean_y: next.take(p),
             s_y: next.take(p),
+            mean_u: next.take(m),
+            s_u: next.take(m),
+            theta: next.take(sizes.response().panels_len()),
             R: next.take(p * p),
             x_limits: [next.take(x), next.take(x)],
             v_limits: [next.take(v), next.take(v)],
@@ -182,6 +208,7 @@ impl Common {
             scales: [next.take(M * p), next.take(M * p)],
             states: next.take((filled + 1) * n),
             outputs: next.take(filled * p),
+            inputs: next.take(filled * m),
             len: 0,
         };
         common.len = next.0;
@@ -201,19 +228,23 @@ pub struct Shared<'a> {
     /// See [`Common::unit`].
     pub unit: f64,
     mean_x: &'a [f64],
-    s_x: &'a [f64],
+    pub(crate) s_x: &'a [f64],
     pub(crate) per_s_x: &'a [f64],
     mean_y: &'a [f64],
     pub(crate) s_y: &'a [f64],
+    mean_u: &'a [f64],
+    s_u: &'a [f64],
+    theta: &'a [f64],
     pub(crate) R: &'a [f64],
     pub(crate) x_limits: Option<Limits<'a>>,
     pub(crate) v_limits: Option<Limits<'a>>,
     pub(crate) discount: &'a [f64],
     noise: &'a [f64],
-    means: &'a [f64],
+    pub(crate) means: &'a [f64],
     scales: [&'a [f64]; 2],
     pub(crate) states: &'a [f64],
     pub(crate) outputs: &'a [f64],
+    pub(crate) inputs: &'a [f64],
 }
 
 impl<'a> Shared<'a> {
@@ -233,6 +264,9 @@ impl<'a> Shared<'a> {
             per_s_x: of(common.per_s_x),
             mean_y: of(common.mean_y),
             s_y: of(common.s_y),
+            mean_u: of(common.mean_u),
+            s_u: of(common.s_u),
+            theta: of(common.theta),
             R: of(common.R),
             x_limits: limits(x_bounded, common.x_limits),
             v_limits: limits(v_bounded, common.v_limits),
@@ -242,7 +276,27 @@ impl<'a> Shared<'a> {
             scales: common.scales.map(of),
             states: of(common.states),
             outputs: of(common.outputs),
+            inputs: of(common.inputs),
         }
+    }
+
+    /// The response to known inputs; None for a system without.
+    #[inline(always)]
+    pub fn response(&self) -> Option<Response<'a>> {
+        (self.sizes.m > 0).then(|| Response::new(self.sizes.response(), self.theta))
+    }
+
+    /// Inputs as scaled deviations from the recording's mean.
+    #[inline(always)]
+    pub fn input_deviations(&self, u: &[f64]) -> impl Iterator<Item = f64> {
+        u.iter().zip(self.mean_u).zip(self.s_u).map(|((u, mean), s)| (u - mean) / s)
+    }
+
+    /// Whether these are inputs of the plan, within [`MEASURABLE`](tol::MEASURABLE).
+    #[inline(always)]
+    pub fn knows(&self, u: &[f64]) -> bool {
+        let mut inputs = self.input_deviations(u);
+        u.len() == self.sizes.m && inputs.all(|u| u.abs() <= tol::MEASURABLE)
     }
 
     /// The means of the states of a window.
