@@ -33,10 +33,11 @@ def command(name: str, out: Path, data: Path | None) -> None:
 
     NAME: bench-nominal, bench-noise, bench-disturbance, bench-both (Figs. 2 to 5), bench-mu (Fig.
     6), detumbling (Figs. 7 and 8), design (rho0 and mu0), pendulum (the interval paper), all; or
-    real, every estimator on measured pendulum logs. Writes PNG, SVG, CSV, tables.md and claims.md
-    into DIR."""
+    real, every estimator on measured pendulum logs, and on logs with known inputs (folder
+    input-logs). Writes PNG, SVG, CSV, tables.md and claims.md into DIR."""
     from ddmhe.reproduce import (
         EXPERIMENTS,
+        driven_logs,
         pendulum_logs,
         verdicts,
         write_claims,
@@ -49,10 +50,11 @@ def command(name: str, out: Path, data: Path | None) -> None:
         )
     console = Console(width=None if sys.stdout.isatty() else 160)
     logs = pendulum_logs(data) if name == "real" else []
+    driven = driven_logs(data) if name == "real" else []
     found = _Found()
     with Progress(console=console, disable=not console.is_terminal, transient=True) as progress:
         if name == "real":
-            found.real(logs, out, progress)
+            found.real(logs, driven, out, progress)
         else:
             found.experiments(list(EXPERIMENTS) if name == "all" else [name], out, progress)
     if found.claims:
@@ -76,15 +78,17 @@ class _Found:
     written: list[Path] = field(default_factory=list)
     stopped: bool = False
 
-    def real(self, logs: list[Path], out: Path, progress: Progress) -> None:
-        """Every estimator on measured logs."""
+    def real(
+        self, logs: list[Path], driven: list[tuple[str, Path]], out: Path, progress: Progress
+    ) -> None:
+        """Every estimator on measured logs, pendulums and logs with inputs."""
         from ddmhe.reproduce import reproduce_real
 
-        if not logs:
-            return
-        task = progress.add_task("real", total=len(logs))
+        task = progress.add_task("real", total=len(logs) + len(driven))
         try:
-            result, self.written = reproduce_real(logs, out, lambda: progress.advance(task))
+            result, self.written = reproduce_real(
+                logs, out, partial(progress.advance, task), driven
+            )
         except KeyboardInterrupt as e:
             if getattr(e, "finished", None) is None:
                 raise
