@@ -132,6 +132,8 @@ def _driven(scores: pd.DataFrame) -> tuple[Table, list[str]]:
         "",
         "Written by `ddmhe reproduce real`: NRMSE over all states; each test starts from its own "
         "true state, the circuit goes on where its recording ends.",
+        "Every sample counts, also the first ones, in which what looks back (ARX, FIR) sees "
+        "outputs of the recording's end.",
         "Nothing was chosen with the truth. *inf*: diverged; –: the log has no inputs.",
         "",
         *markdown_table(("estimator", *map(str, overall)), cells(overall)),
