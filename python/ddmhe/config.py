@@ -57,7 +57,7 @@ SPACES: dict[str, type[Exact] | type[Truncated] | type[Ridge]] = {
 """Kinds of a space; the other keys of its table are the arguments of the class."""
 CERTIFICATE = (
     *("eta", "growth", "residual"),
-    *("P", "Q", "R", "A", "C", "e", "r"),
+    *("P", "Q", "R", "A", "B", "C", "D", "e", "r"),
     *("identified", "uncertainty"),
 )
 """Attributes of a certificate that a file holds, in its order."""

@@ -6,11 +6,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ddmhe._core import DdmheError, History, ShapeError, numbers
-from ddmhe.checks import check_finite, check_history, check_number
+from ddmhe.checks import array, check_finite, check_history, check_number
 
 Array = NDArray[np.float64]
 
-__all__ = ["check_finite", "check_number", "recording_or_system", "system"]
+__all__ = ["check_finite", "check_number", "input_matrices", "recording_or_system", "system"]
 
 
 def recording_or_system(
@@ -37,3 +37,18 @@ def system(A: ArrayLike, C: ArrayLike) -> tuple[Array, Array]:
     check_finite("A", A_)
     check_finite("C", C_)
     return A_, C_
+
+
+def input_matrices(
+    B: ArrayLike | None, D: ArrayLike | None, n: int, p: int
+) -> tuple[Array, Array] | None:
+    """B (n, m) and D (p, m), checked; None where neither was given."""
+    if B is None and D is None:
+        return None
+    if B is None or D is None:
+        raise DdmheError("B, D: expected both with A and C, or neither, found otherwise")
+    B_ = array("B", B, (n, -1))
+    D_ = array("D", D, (p, B_.shape[1]))
+    check_finite("B", B_)
+    check_finite("D", D_)
+    return B_, D_

@@ -8,7 +8,8 @@ For the difference d of two trajectories, d⁺ = A d - w, the inequality
 
 makes ‖d‖²_P an incremental input/output-to-state Lyapunov function (Schiller, Muntwiler, Köhler,
 Zeilinger, Müller 2023). It exists for every observable pair and every η in (0, 1), also where (24)
-of Liu et al. 2026 is impossible."""
+of Liu et al. 2026 is impossible. Known inputs are the same in both trajectories and leave the
+difference: (L) knows nothing of B and D, and an error bound only through the windows' residuals."""
 
 from __future__ import annotations
 
@@ -42,10 +43,11 @@ MOST_STEPS = 10_000_000
 
 @dataclass(frozen=True)
 class Uncertainty:
-    """‖ΔA x + Δe‖_Q ≤ w q(x), ‖ΔC x + Δr‖_R ≤ v q(x), q(x)² = [x; 1]ᵀ metric [x; 1], for every
-    consistent system."""
+    """‖ΔA x + ΔB u + Δe‖_Q ≤ w q, ‖ΔC x + ΔD u + Δr‖_R ≤ v q, q² = [x; u; 1]ᵀ metric [x; u; 1], for
+    every consistent system."""
 
     metric: Array
+    """(n+m+1, n+m+1)"""
     w: float
     v: float
 
@@ -89,6 +91,11 @@ class Certificate:
     """Whether the model was fitted to a noisy (or curved) recording without a statement of its
     noise: how far the true
     system is from it, nobody knows, and no error bound follows."""
+    B: Array | None = None
+    """(n, m) of the model; None without inputs. An estimator over a recording with inputs asks for
+    B and D beside A and C."""
+    D: Array | None = None
+    """(p, m)"""
 
     @property
     def condition(self) -> float:
@@ -165,9 +172,10 @@ class Certificate:
         # spread)‖d‖_P.
         if self.growth is None:
             raise DdmheError("certificate: expected one with its growth, found one without")
-        inverse = scipy.linalg.solve_triangular(scipy.linalg.cholesky(self.P), np.eye(len(self.P)))
+        n = len(self.P)
+        inverse = scipy.linalg.solve_triangular(scipy.linalg.cholesky(self.P), np.eye(n))
         spread = self.uncertainty.v * np.linalg.norm(
-            root(self.uncertainty.metric[:-1, :-1]) @ inverse, 2
+            root(self.uncertainty.metric[:n, :n]) @ inverse, 2
         )
         gain = np.linalg.norm(root_R @ self.C @ inverse, 2) + spread
         largest = math.sqrt(extremes(self.P)[1])

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import scipy.linalg
@@ -12,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ddmhe._core import DdmheError, History, InfeasibleError
 from ddmhe.checks import array, check_finite, check_kind, check_number, shown
-from ddmhe.design.arguments import recording_or_system, system
+from ddmhe.design.arguments import input_matrices, recording_or_system, system
 from ddmhe.design.certificate import Certificate, Uncertainty
 from ddmhe.design.dissipation import (
     best_gains,
@@ -20,8 +21,8 @@ from ddmhe.design.dissipation import (
     largest_eigenvalue,
     root,
 )
-from ddmhe.design.model import identify, samples, unobservable_modes
-from ddmhe.design.tol import ETA_MOST, ETA_STEP, LEAST_WIDTH, NONZERO, TRAJECTORY
+from ddmhe.design.model import given_model, identify, is_exact, unobservable_modes
+from ddmhe.design.tol import ETA_MOST, ETA_STEP, LEAST_WIDTH, NONZERO
 from ddmhe.design.uncertainty import ConsistentSet, RecordingNoise, consistent_set
 
 Array = NDArray[np.float64]
@@ -40,6 +41,8 @@ def ioss(
     C: ArrayLike | None = None,
     e: ArrayLike | None = None,
     r: ArrayLike | None = None,
+    B: ArrayLike | None = None,
+    D: ArrayLike | None = None,
     condition: float | None = None,
     noise: RecordingNoise | None = None,
     gains: tuple[float, float] | None = None,
@@ -52,8 +55,8 @@ def ioss(
     Parameters
     ----------
     history : History
-        A recording; its affine least-squares model is certified, or with `noise` every system
-        consistent with it.
+        A recording; its affine least-squares model (with B and D, where it has inputs) is
+        certified, or with `noise` every system consistent with it.
     eta : float in (0, 1)
         Discount per sample. Default: the smallest that `condition` allows, or 0.95.
     A, C : arrays (n, n), (p, n)
@@ -61,6 +64,9 @@ def ioss(
     e, r : arrays (n,), (p,)
         Its offsets, x(t+1) = A x + e, y = C x + r; zeros for a linear system. P, Q and R do not
         depend on them, but the error bound of an estimator over a noisy recording does.
+    B, D : arrays (n, m), (p, m)
+        What its known inputs do, x(t+1) = A x + B u + e, y = C x + D u + r, for an estimator over a
+        recording with inputs. P, Q and R do not depend on them.
     condition : float > 1
         Upper bound on cond P.
     noise : RecordingNoise
@@ -84,9 +90,7 @@ def ioss(
     if noise is not None:
         check_kind("noise", noise, RecordingNoise, "a RecordingNoise")
     allowed = _resolve(history, A, C, noise)
-    if (e is None) != (r is None) or (e is not None and history is not None):
-        raise DdmheError("e, r: expected both with A and C, or neither, found otherwise")
-    known = None if e is None or r is None else _offsets(allowed, e, r)
+    known = _beside(history, allowed, (e, r), (B, D))
     if gains is None:
         gains = (1.0, max(float(np.linalg.norm(allowed.C, 2)), NONZERO))
     if not isinstance(gains, tuple | list) or len(gains) != 2:
@@ -99,12 +103,8 @@ def ioss(
     if found is None:
         raise InfeasibleError(_why_not(allowed, eta, condition, gains, noise))
     certificate = _certificate(allowed, *found, eta=eta, noise=noise, offsets=history is not None)
-    if known is not None:
-        return replace(certificate, e=known[0], r=known[1])
-    return replace(
-        certificate,
-        identified=history is not None and noise is None and not _is_exact(history, allowed),
-    )
+    identified = history is not None and noise is None and not _is_exact(history, allowed)
+    return replace(certificate, identified=identified, **known)
 
 
 def scalar_certificate(
@@ -116,11 +116,13 @@ def scalar_certificate(
     *,
     e: ArrayLike | None = None,
     r: ArrayLike | None = None,
+    B: ArrayLike | None = None,
+    D: ArrayLike | None = None,
 ) -> Certificate:
     """The scalar weights of (17) as a certificate, P = I, R = μI, Q = 3I, η = ρ, if `gain` L (n, p)
     satisfies (24).
 
-    e, r are the offsets of the system, as in `ioss`.
+    e, r are the offsets of the system and B, D what its inputs do, as in `ioss`.
 
     ‖A_L d - w + L(v - v̂)‖² ≤ 3‖A_L d‖² + 3‖w‖² + 3‖L(v - v̂)‖² with 6‖A_L‖² ≤ ρ, 6‖L‖² ≤ μ gives
     (L)."""
@@ -146,6 +148,9 @@ def scalar_certificate(
     if (e is None) != (r is None):
         raise DdmheError("e, r: expected both or neither, found one")
     certificate = Certificate(P, Q, R, rho, residual, A, C, growth=float(np.linalg.norm(A, 2)))
+    of_inputs = input_matrices(B, D, len(A), len(C))
+    if of_inputs is not None:
+        certificate = replace(certificate, B=of_inputs[0], D=of_inputs[1])
     if e is None or r is None:
         return certificate
     return replace(certificate, e=_vector("e", e, len(A)), r=_vector("r", r, len(C)))
@@ -160,14 +165,43 @@ def _resolve(
         if noise is not None:
             return consistent_set(given, noise)
         model = identify(given)
-        A_, e, C_, r = model.A, model.e, model.C, model.r
     else:
         if noise is not None:
             raise DdmheError("noise: expected a recording that it belongs to, found A and C")
-        A_, C_ = given
-        e, r = np.zeros(len(A_)), np.zeros(len(C_))
-    n, p = len(A_), len(C_)
-    return ConsistentSet(A_, e, C_, r, root=np.zeros((n + p, 0)), metric=np.zeros((n + 1, n + 1)))
+        model = given_model(*given)
+    (n, m), p = model.B.shape, len(model.C)
+    return ConsistentSet(
+        model.A,
+        model.B,
+        model.e,
+        model.C,
+        model.D,
+        model.r,
+        root=np.zeros((n + p, 0)),
+        metric=np.zeros((n + m + 1, n + m + 1)),
+    )
+
+
+def _beside(
+    history: History | None,
+    allowed: ConsistentSet,
+    offsets: tuple[ArrayLike | None, ArrayLike | None],
+    of_inputs: tuple[ArrayLike | None, ArrayLike | None],
+) -> dict[str, Any]:
+    """e and r, B and D as given beside A and C, checked; what was not given is left out."""
+    e, r = offsets
+    if (e is None) != (r is None) or (e is not None and history is not None):
+        raise DdmheError("e, r: expected both with A and C, or neither, found otherwise")
+    known: dict[str, Any] = {}
+    n, p = len(allowed.A), len(allowed.C)
+    if e is not None and r is not None:
+        known |= {"e": _vector("e", e, n), "r": _vector("r", r, p)}
+    matrices = input_matrices(*of_inputs, n, p)
+    if matrices is not None:
+        if history is not None:
+            raise DdmheError("B, D: expected both with A and C, or neither, found otherwise")
+        known |= {"B": matrices[0], "D": matrices[1]}
+    return known
 
 
 def _vector(name: str, value: ArrayLike, size: int) -> Array:
@@ -176,17 +210,10 @@ def _vector(name: str, value: ArrayLike, size: int) -> Array:
     return vector
 
 
-def _offsets(allowed: ConsistentSet, e: ArrayLike, r: ArrayLike) -> tuple[Array, Array]:
-    return _vector("e", e, len(allowed.A)), _vector("r", r, len(allowed.C))
-
-
 def _is_exact(history: History, model: ConsistentSet) -> bool:
     """Whether the recording is a trajectory of the model to rounding, with a sample to spare."""
-    X, Z = samples(history)
-    theta = np.vstack([model.A, model.C])
-    residual = Z - X @ theta.T - np.concatenate([model.e, model.r])
-    size = np.abs(Z).max(axis=0) + np.abs(theta) @ np.abs(X).max(axis=0)
-    return len(X) > history.n + 1 and bool((np.abs(residual) <= TRAJECTORY * size).all())
+    theta = np.block([[model.A, model.B], [model.C, model.D]])
+    return is_exact(history, theta, np.concatenate([model.e, model.r]))
 
 
 def _certificate(
@@ -217,10 +244,13 @@ def _certificate(
             for U, q in ((root_Q, allowed.root[:n]), (root_R, allowed.root[n:]))
         )
         uncertainty = Uncertainty(allowed.metric, w, v)
-    e, r = (allowed.e, allowed.r) if offsets else (None, None)
-    return Certificate(
-        P, Q, R, eta, residual, allowed.A, allowed.C, e, r, growth, uncertainty, noise, optimised
+    certificate = Certificate(
+        P, Q, R, eta, residual, allowed.A, allowed.C, None, None, growth, uncertainty, noise
     )
+    certificate = replace(certificate, optimised=optimised)
+    if offsets:
+        certificate = replace(certificate, e=allowed.e, r=allowed.r)
+    return replace(certificate, B=allowed.B, D=allowed.D) if allowed.B.shape[1] else certificate
 
 
 def _smallest_eta(allowed: ConsistentSet, condition: float) -> float:

@@ -85,8 +85,9 @@ def largest_eigenvalue(M: Array) -> float:
 def _transformed(system: ConsistentSet, T: Array, inverse: Array, c: float) -> ConsistentSet:
     """The set in coordinates d = T z, outputs divided by c."""
     left = scipy.linalg.block_diag(inverse, np.eye(len(system.C)) / c)
+    n = len(T)
     metric = np.zeros_like(system.metric)
-    metric[:-1, :-1] = T.T @ system.shape @ T
+    metric[:n, :n] = T.T @ system.shape @ T
     return replace(
         system, A=inverse @ system.A @ T, C=system.C @ T / c, root=left @ system.root, metric=metric
     )

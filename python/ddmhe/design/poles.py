@@ -8,7 +8,11 @@ itself: noise-free data of an autonomous system have [X1; Y0] = [A; C] X0 of ran
 noisy columns X0dl, U0dl and X1dl have independent rows, the programme can have X1dl X = 0 and U0dl
 X = 0, and its optimum is A_L = 0, L = 0 whatever the system is, so that ρ0 and μ0 are the solver's
 rounding. So every number is computed twice: as printed, and with the same gain in an identified (or
-given) (A, C)."""
+given) (A, C).
+
+Known inputs act on the estimate and on the true state alike, so that the gain's task, A_L = A + L
+C, is the same. What the inputs explain of the differences is taken off before (45), which is exact
+on exact data (`dual_data` has the derivation), and (A, C) is identified with u."""
 
 from __future__ import annotations
 

@@ -9,7 +9,16 @@ errors: Bisoffi, Li, De Persis, Monshizadeh 2024). With D1 = [X1; Y0], D0 = [X0;
     (Z - Z_c) G (Z - Z_c)ᵀ ⪯ Δ = Z_c G Z_cᵀ - D1D1ᵀ + Θ1.
 
 Without e and r: K = [A; C] - [A_c; C_c] obeys K H Kᵀ ⪯ Δ, H the Schur complement of the ones row in
-G."""
+G.
+
+Known inputs u(k) join the ones row: Z = [A B e; C D r], D0 = [X0; U0; 1], and U0 has no error, so
+that Θ0 = diag(θ I, 0, 0). With D_u = [U0; 1] and what D_u leaves of X0 and D1 after least squares,
+X̃ = X0 - F D_u and D̃1, completing the square over [B e; D r] first gives
+
+    H = X̃X̃ᵀ - θ I,  [A_c; C_c] = D̃1X̃ᵀH⁻¹,  Δ = [A_c; C_c] H [A_c; C_c]ᵀ - D̃1D̃1ᵀ + Θ1,
+    G⁻¹ = [I -F]ᵀ H⁻¹ [I -F] + diag(0, (D_uD_uᵀ)⁻¹) over [x; u; 1],
+
+the formulas without inputs with everything centred about u and 1 in the place of 1."""
 
 from __future__ import annotations
 
@@ -22,7 +31,7 @@ from numpy.typing import NDArray
 
 from ddmhe._core import DdmheError, History, RankError
 from ddmhe.checks import check_history, check_kind, check_number, choice
-from ddmhe.design.model import samples
+from ddmhe.design.model import check_span, samples, slopes
 from ddmhe.design.tol import HIDDEN, NONZERO, ON_BOUNDARY, UNEXPLAINED
 
 Array = NDArray[np.float64]
@@ -32,7 +41,7 @@ __all__ = ["ConsistentSet", "RecordingNoise", "consistent_set"]
 
 @dataclass(frozen=True)
 class RecordingNoise:
-    """How wrong the recording may be.
+    """How wrong the recording may be; its known inputs are exact.
 
     "bounded": Euclidean norms that no sample's error exceeds. "gaussian": standard deviations per
     channel of white noise; what follows from them then holds with probability `confidence`."""
@@ -42,7 +51,7 @@ class RecordingNoise:
     y: float = 0.0
     """Errors of the recorded outputs, in their unit."""
     w: float = 0.0
-    """Process noise: what x(k+1) differs from A x(k) + e, in the states' unit."""
+    """Process noise: what x(k+1) differs from A x(k) + B u(k) + e, in the states' unit."""
     kind: Literal["bounded", "gaussian"] = "bounded"
     confidence: float = 0.999
 
@@ -78,26 +87,47 @@ class RecordingNoise:
 
 @dataclass(frozen=True, eq=False)
 class ConsistentSet:
-    """[A e; C r] = Z_c + Δ^½ Γ G^-½ for all ‖Γ‖ ≤ 1."""
+    """[A B e; C D r] = Z_c + Δ^½ Γ G^-½ for all ‖Γ‖ ≤ 1."""
 
     A: Array
     """Centre (n, n)."""
+    B: Array
+    """(n, m)"""
     e: Array
     C: Array
+    D: Array
+    """(p, m)"""
     r: Array
     root: Array
     """Δ^½ ((n+p), (n+p))."""
     metric: Array
-    """G⁻¹ ((n+1), (n+1)); its leading block is H⁻¹."""
+    """G⁻¹ ((n+m+1), (n+m+1)) over [x; u; 1]; its leading block is H⁻¹."""
 
     @property
     def shape(self) -> Array:
         """H⁻¹ (n, n), for A and C alone."""
-        return self.metric[:-1, :-1]
+        n = len(self.A)
+        return self.metric[:n, :n]
 
-    def contains(self, A: Array, e: Array, C: Array, r: Array) -> bool:
-        """Whether a system is one of them, up to rounding."""
-        Z = np.block([[A - self.A, (e - self.e)[:, None]], [C - self.C, (r - self.r)[:, None]]])
+    def contains(
+        self,
+        A: Array,
+        e: Array,
+        C: Array,
+        r: Array,
+        B: Array | None = None,
+        D: Array | None = None,
+    ) -> bool:
+        """Whether a system is one of them, up to rounding; B and D with inputs."""
+        if self.B.shape[1] and (B is None or D is None):
+            raise DdmheError("B, D: expected both, for a recording with inputs, found none or one")
+        of_inputs = [[], []] if B is None or D is None else [[B - self.B], [D - self.D]]
+        Z = np.block(
+            [
+                [A - self.A, *of_inputs[0], (e - self.e)[:, None]],
+                [C - self.C, *of_inputs[1], (r - self.r)[:, None]],
+            ]
+        )
         G = np.linalg.inv(self.metric)
         excess = Z @ G @ Z.T - self.root @ self.root.T
         size = max(float(np.linalg.norm(self.root, 2)) ** 2, NONZERO)
@@ -113,39 +143,89 @@ def consistent_set(history: History, noise: RecordingNoise) -> ConsistentSet:
     check_history(history)
     check_kind("noise", noise, RecordingNoise, "a RecordingNoise")
     n, p = history.n, history.p
-    X, Z = samples(history)
-    mean_x, mean_z = X.mean(0), Z.mean(0)
-    theta_1, theta_y, theta_0 = noise.energy(n, p, len(X) + len(history.recordings) - 1)
-    # The ones row has no error, so that centring is exact: H, [A_c; C_c] and Δ follow from the
-    # deviations alone.
-    X, Z = X - mean_x, Z - mean_z
+    rows = _Deviations.of(history)
+    K, X, Z = len(rows.X), rows.X, rows.Z
+    theta_1, theta_y, theta_0 = noise.energy(n, p, K + len(history.recordings) - 1)
     H = X.T @ X - theta_0 * np.eye(n)
     smallest = float(np.linalg.eigvalsh(H)[0])
     if smallest <= HIDDEN * max(float(np.trace(H)), theta_0):
-        weakest = math.sqrt(max(float(np.linalg.eigvalsh(X.T @ X)[0]), 0.0) / len(X))
-        hidden = math.sqrt(theta_0 / len(X))
+        weakest = math.sqrt(max(float(np.linalg.eigvalsh(X.T @ X)[0]), 0.0) / K)
+        hidden = math.sqrt(theta_0 / K)
         raise RankError(
             "noise: expected a recording that moves every direction of the state by more than its "
             f"errors, found {weakest:.3g} rms in the weakest one against {hidden:.3g}"
         )
-    centre = np.linalg.solve(H, X.T @ Z).T  # (n+p) x n
+    centre: Array = np.asarray(np.linalg.solve(H, X.T @ Z).T, np.float64)  # (n+p) x n
     theta = np.concatenate([np.full(n, theta_1), np.full(p, theta_y)])
     delta = centre @ H @ centre.T - Z.T @ Z + np.diag(theta)
     values, vectors = np.linalg.eigh(0.5 * (delta + delta.T))
-    rounding = UNEXPLAINED * float(np.trace(Z.T @ Z) + np.trace(centre @ H @ centre.T))
+    rounding = UNEXPLAINED * (rows.size + float(np.trace(centre @ H @ centre.T)))
     if values[0] < -rounding:
         raise DdmheError(
             "noise: expected a size that the recording's errors do not exceed, found that no "
             "linear system explains the recording with it; state more, or allow for process noise w"
         )
-    offset = mean_z - centre @ mean_x
-    inverse = np.linalg.inv(H)
-    inverse = 0.5 * (inverse + inverse.T)
-    metric = np.block(
-        [
-            [inverse, -(inverse @ mean_x)[:, None]],
-            [-(inverse @ mean_x)[None], mean_x @ inverse @ mean_x + 1 / len(X)],
-        ]
-    )
+    of_inputs, offset = rows.others(centre)
     root = vectors * np.sqrt(np.maximum(values, 0.0))
-    return ConsistentSet(centre[:n], offset[:n], centre[n:], offset[n:], root, metric)
+    inverse = np.linalg.inv(H)
+    metric = rows.metric(0.5 * (inverse + inverse.T))
+    (A, B, e), (C, D, r) = (
+        (centre[part], of_inputs[part], offset[part]) for part in (slice(n), slice(n, None))
+    )
+    return ConsistentSet(A, B, e, C, D, r, root, metric)
+
+
+@dataclass(frozen=True, eq=False)
+class _Deviations:
+    """What the rows without error, u and 1, leave of x(k) and of [x(k+1); y(k)] (samples are rows),
+    X = x - mean - (u - mean) F, Z likewise with G."""
+
+    X: Array
+    """(K, n)"""
+    Z: Array
+    """(K, n+p)"""
+    U: Array
+    """(K, m), about its mean"""
+    means: tuple[Array, Array, Array]
+    """Of x, u and [x(k+1); y(k)]."""
+    slopes: tuple[Array, Array]
+    """F (m, n) and G (m, n+p)."""
+    size: float
+    """Σ Z² before the inputs were taken off."""
+
+    @classmethod
+    def of(cls, history: History) -> _Deviations:
+        n, m = history.n, history.m
+        regressors, Z = samples(history)
+        mean, mean_z = regressors.mean(0), Z.mean(0)
+        both, Z = regressors - mean, Z - mean_z
+        X, U, size = both[:, :n], both[:, n:], float(np.trace(Z.T @ Z))
+        means = (mean[:n], mean[n:], mean_z)
+        if not m:
+            return cls(X, Z, U, means, (np.zeros((0, n)), np.zeros((0, Z.shape[1]))), size)
+        check_span(both, np.abs(regressors).max(axis=0), n)
+        F, G = slopes(U, X), slopes(U, Z)
+        return cls(X - U @ F, Z - U @ G, U, means, (F, G), size)
+
+    def others(self, centre: Array) -> tuple[Array, Array]:
+        """[B; D] (n+p, m) and [e; r] (n+p,) beside [A; C] = centre (n+p, n)."""
+        (mean_x, mean_u, mean_z), (F, G) = self.means, self.slopes
+        of_inputs = G.T - centre @ F.T
+        offset = mean_z - centre @ mean_x
+        return of_inputs, offset - of_inputs @ mean_u if len(mean_u) else offset
+
+    def metric(self, inverse: Array) -> Array:
+        """G⁻¹ from H⁻¹ (n, n)."""
+        (mean_x, mean_u, _), (F, _) = self.means, self.slopes
+        known = np.array([[1 / len(self.X)]])  # (D_u D_uᵀ)⁻¹
+        if not len(mean_u):
+            return _bordered(inverse, mean_x[:, None], known)
+        of_inputs = np.linalg.inv(self.U.T @ self.U)
+        known = _bordered(0.5 * (of_inputs + of_inputs.T), mean_u[:, None], known)
+        return _bordered(inverse, np.column_stack([F.T, mean_x - mean_u @ F]), known)
+
+
+def _bordered(inverse: Array, F: Array, rest: Array) -> Array:
+    """[I -F]ᵀ inverse [I -F] + diag(0, rest)."""
+    cross = inverse @ F
+    return np.block([[inverse, -cross], [-cross.T, F.T @ cross + rest]])
