@@ -8,11 +8,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ddmhe._core import History, NotFiniteError, numbers
+from ddmhe.baselines.known_inputs import inputs_now, inputs_of_run
 from ddmhe.checks import array, check_finite, check_history
 
 Array = NDArray[np.float64]
 
-__all__ = ["Baseline", "Estimate", "Log", "recordings"]
+__all__ = ["Baseline", "Estimate", "Log", "inputs", "recordings"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,31 +33,34 @@ class Log:
 
 
 class Baseline:
-    """An estimator that is fed outputs one by one.
+    """An estimator that is fed outputs one by one, each with the inputs of its instant.
+
+    Made for a recording with inputs, it takes u(k) (m,) beside y(k): u(k) acts on x(k+1), and y(k)
+    may depend on u(k). Without inputs m is 0 and u stays away.
 
     One whose estimate has left all bounds has diverged: its estimate is NaN from then on, until the
     next reset."""
 
     _diverged = False
 
-    def __init__(self, n: int, p: int, x_prior: ArrayLike) -> None:
-        """Start at x_prior (n,) with outputs (p,)."""
-        self.n, self.p = n, p
+    def __init__(self, n: int, p: int, x_prior: ArrayLike, m: int = 0) -> None:
+        """Start at x_prior (n,) with outputs (p,) and inputs (m,)."""
+        self.n, self.p, self.m = n, p, m
         self._default_prior = self._checked_prior(x_prior)
 
-    def step(self, y_t: ArrayLike) -> Estimate:
-        """Consume y(t-1) (p,), NaN where not measured; x̂(t)."""
-        return Estimate(
-            self._next(_outputs("y_t", np.atleast_1d(numbers("y_t", y_t, missing=True)), (self.p,)))
-        )
+    def step(self, y_t: ArrayLike, u: ArrayLike | None = None) -> Estimate:
+        """Consume y(t-1) (p,), NaN where not measured, and u(t-1) (m,); x̂(t)."""
+        y = _outputs("y_t", np.atleast_1d(numbers("y_t", y_t, missing=True)), (self.p,))
+        return Estimate(self._next(y, inputs_now(u, self.m)))
 
-    def run(self, Y: ArrayLike) -> Log:
-        """Consume outputs (N, p), one step each. A KeyboardInterrupt has the Log so far as
-        `finished`."""
+    def run(self, Y: ArrayLike, U: ArrayLike | None = None) -> Log:
+        """Consume outputs (N, p) and inputs (N, m), one step each. A KeyboardInterrupt has the Log
+        so far as `finished`."""
         x: list[Array] = []
         try:
-            for y in _outputs("Y", Y, (-1, self.p)):
-                x.append(self._next(y))
+            outputs = _outputs("Y", Y, (-1, self.p))
+            for y, u in zip(outputs, inputs_of_run(U, len(outputs), self.m), strict=True):
+                x.append(self._next(y, u))
         except KeyboardInterrupt as e:
             e.finished = Log(np.reshape(x, (-1, self.n)))  # type: ignore[attr-defined]
             raise
@@ -67,11 +71,11 @@ class Baseline:
         self._diverged = False
         self._start(self._default_prior if x_prior is None else self._checked_prior(x_prior))
 
-    def _next(self, y: Array) -> Array:
+    def _next(self, y: Array, u: Array) -> Array:
         if not self._diverged:
             try:
                 with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-                    x = self._step(y)
+                    x = self._step(y, u)
             except np.linalg.LinAlgError:  # numbers too large to solve with
                 x = np.full(self.n, np.nan)
             self._diverged = not bool(np.isfinite(x).all())
@@ -85,7 +89,7 @@ class Baseline:
     def _start(self, x_prior: Array) -> None:
         raise NotImplementedError
 
-    def _step(self, y: Array) -> Array:
+    def _step(self, y: Array, u: Array) -> Array:
         raise NotImplementedError
 
 
@@ -93,6 +97,13 @@ def recordings(history: History) -> list[tuple[Array, Array]]:
     """States (T_i+1, n) and outputs (T_i, p) of each recording; DdmheError if this is no
     History."""
     return check_history(history).recordings
+
+
+def inputs(history: History) -> list[Array]:
+    """Inputs (T_i, m) of each recording; m may be 0."""
+    if history.m:
+        return history.inputs
+    return [np.empty((len(y), 0)) for _, y in history.recordings]
 
 
 def _outputs(name: str, value: ArrayLike, shape: tuple[int, ...]) -> Array:

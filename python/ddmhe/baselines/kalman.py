@@ -11,11 +11,11 @@ import scipy.linalg
 from numpy.typing import ArrayLike, NDArray
 
 from ddmhe._core import DdmheError, History, RankError, ShapeError
-from ddmhe.baselines.base import Baseline, recordings
+from ddmhe.baselines.arx import fit_arx
+from ddmhe.baselines.base import Baseline, inputs, recordings
+from ddmhe.baselines.linear_model import identified, regression
 from ddmhe.baselines.tol import (
-    ARX_COVARIANCE,
     ARX_OUTPUT,
-    ARX_RIDGE,
     COVARIANCE,
     KNOWN_START,
     NONZERO,
@@ -32,14 +32,10 @@ from ddmhe.checks import (
     choice,
     shown,
 )
-from ddmhe.design.model import identify, samples
 
 Array = NDArray[np.float64]
 
 __all__ = ["ArxKalman", "ErrorStateKalman", "Oracle", "update"]
-
-STABLE = 0.999
-"""Spectral radius that an identified model is given if its own is above one."""
 
 
 def update(x: Array, P: Array, innovation: Array, C: Array, R: Array) -> tuple[Array, Array]:
@@ -69,7 +65,8 @@ class ErrorStateKalman(Baseline):
         Process and measurement noise covariance, times identity; units of the state and of the
         output squared.
     affine : bool
-        Model with offsets e and r; without them it is the linear one, [A; C] = [X1; Y0] X0⁺.
+        Model with offsets e and r; without them it is the linear one, [A; C] = [X1; Y0] X0⁺ (with
+        inputs [A B; C D] = [X1; Y0] [X0; U0]⁺).
     x_prior : (n,)
         Default: the last recorded state.
     """
@@ -85,20 +82,19 @@ class ErrorStateKalman(Baseline):
     ) -> None:
         """Check, identify and start."""
         last = recordings(history)[-1][0][-1]
-        super().__init__(history.n, history.p, last if x_prior is None else x_prior)
+        super().__init__(history.n, history.p, last if x_prior is None else x_prior, history.m)
         check_flag("affine", affine)
         for name, value in (("Q", Q), ("R", R)):
             if value is not None:
                 check_number(name, value, "a positive number", lambda size: size > 0)
-        before, after = samples(history)
-        if affine:
-            model = identify(history)
-            self.A, self.e, self.C, self.r = model.A, model.e, model.C, model.r
-        else:
-            theta: Array = np.linalg.lstsq(before, after, rcond=None)[0].T.astype(np.float64)
-            self.A, self.C = theta[: self.n], theta[self.n :]
-            self.e, self.r = np.zeros(self.n), np.zeros(self.p)
+        model = identified(history, affine=affine)
+        self.A, self.B, self.e = model.A, model.B, model.e
+        self.C, self.D, self.r = model.C, model.D, model.r
+        before, after = regression(history)
+        before, u = before[:, : self.n], before[:, self.n :]
         x_next, y = after[:, : self.n], after[:, self.n :]
+        if self.m:  # what the inputs did is no residual
+            x_next, y = x_next - u @ self.B.T, y - u @ self.D.T
         self.Q = _covariance(
             Q, x_next - before @ self.A.T - self.e, np.vstack([before[:1], x_next])
         )
@@ -108,10 +104,14 @@ class ErrorStateKalman(Baseline):
     def _start(self, x_prior: Array) -> None:
         self._x, self._P = x_prior, np.zeros((self.n, self.n))
 
-    def _step(self, y: Array) -> Array:
+    def _step(self, y: Array, u: Array) -> Array:
         innovation = y - self.C @ self._x - self.r
+        if self.m:
+            innovation -= self.D @ u
         error, P = update(np.zeros(self.n), self._P + _tiny(self.Q), innovation, self.C, self.R)
         self._x = self.A @ (self._x + error) + self.e
+        if self.m:
+            self._x += self.B @ u
         self._P = self.A @ P @ self.A.T + self.Q
         return self._x.copy()
 
@@ -122,7 +122,8 @@ class ArxKalman(Baseline):
 
     z(k) = [x(k); y(k)] = c + A_1 z(k-1) + … + A_L z(k-L) + ε(k) by ridge regression; the filter
     runs on the last L values of z, of which the outputs are measured. Hidden states are covered by
-    the lags. An unstable fit is made stable.
+    the lags. An unstable fit is made stable. With inputs, B_1 u(k-1) + … + B_L u(k-L) is added, and
+    to the rows of y also B_0 u(k).
 
     Parameters
     ----------
@@ -137,49 +138,62 @@ class ArxKalman(Baseline):
     def __init__(self, history: History, order: int | None = None) -> None:
         """Check, identify and start."""
         parts = [np.hstack([x[:-1], y]) for x, y in recordings(history)]
-        super().__init__(history.n, history.p, history.recordings[-1][0][-1])
+        super().__init__(history.n, history.p, history.recordings[-1][0][-1], history.m)
+        known = inputs(history)
         m, total = history.n + history.p, sum(len(z) for z in parts)
         if order is not None:
             check_whole("order", order, expected="at least 1 lag")
         orders = self.ORDERS if order is None else (order,)
-        fits = [_arx(parts, L) for L in orders if self._suffices(parts, L, order is not None)]
+        given = order is not None
+        fits = [
+            fit_arx(parts, known, L, history.n) for L in orders if self._suffices(parts, L, given)
+        ]
         if not fits:
-            least = 2 * (m + 1) if order is None else order + 1
+            least = 2 * (m + self.m + 1) if order is None else order + 1
             raise RankError(
                 f"history: expected more than {least} samples, also in the last recording, found "
                 f"{total}"
             )
-        _, self.order, self._offset, lags, noise = min(fits, key=lambda fit: fit[0])
+        best = min(fits, key=lambda fit: fit.bic)
+        self.order, self._offset = best.order, best.offset
+        self._B, self._D = best.B, best.D
         L = self.order
         self._A = np.zeros((m * L, m * L))
-        self._A[:m] = lags
+        self._A[:m] = best.lags
         self._A[m:, :-m] = np.eye(m * (L - 1))
         self._Q = np.zeros((m * L, m * L))
-        self._Q[:m, :m] = noise
+        self._Q[:m, :m] = best.noise
         self._C = np.zeros((self.p, m * L))
         self._C[:, self.n : m] = np.eye(self.p)
         self._R = ARX_OUTPUT * np.diag(np.vstack(parts)[:, history.n :].var(axis=0) + NONZERO)
         self._recent = parts[-1][::-1][:L].ravel()
+        self._recent_inputs = known[-1][::-1][:L].ravel()
         self.reset()
 
-    @staticmethod
-    def _suffices(parts: list[Array], L: int, given: bool) -> bool:
+    def _suffices(self, parts: list[Array], L: int, given: bool) -> bool:
         """Whether the recordings hold enough windows of L + 1 samples, and the last one a start."""
-        m, windows = parts[0].shape[1], sum(max(len(z) - L, 0) for z in parts)
+        m, windows = parts[0].shape[1] + self.m, sum(max(len(z) - L, 0) for z in parts)
         return len(parts[-1]) >= L and windows > (1 if given else (L + 1) * (m + 1) - L)
 
     def _start(self, x_prior: Array) -> None:
+        self._past_inputs = self._recent_inputs
         self._s = self._predicted(self._recent)
         self._s[: self.n] = x_prior
         self._P = self._Q.copy()
         self._P[: self.n] = self._P[:, : self.n] = 0.0
 
     def _predicted(self, s: Array) -> Array:
+        """z(k) and its lags from those of z(k-1), without B_0 u(k), which is not known yet."""
         forward = self._A @ s
         forward[: self.n + self.p] += self._offset
+        if self.m:
+            forward[: self.n + self.p] += self._B @ self._past_inputs
         return forward
 
-    def _step(self, y: Array) -> Array:
+    def _step(self, y: Array, u: Array) -> Array:
+        if self.m:
+            self._s[self.n : self.n + self.p] += self._D @ u
+            self._past_inputs = np.concatenate([u, self._past_inputs[: -self.m]])
         self._s, self._P = update(self._s, self._P, y - self._C @ self._s, self._C, self._R)
         self._s, self._P = self._predicted(self._s), self._A @ self._P @ self._A.T + self._Q
         return self._s[: self.n].copy()
@@ -249,7 +263,7 @@ class Oracle(Baseline):
     def _start(self, x_prior: Array) -> None:
         self._x, self._P = x_prior, self._P_0
 
-    def _step(self, y: Array) -> Array:
+    def _step(self, y: Array, u: Array) -> Array:
         if self._kind == "ekf":
             C = _slope(self._output, self._x)
             x, P = update(self._x, self._P, y - self._output(self._x), C, self._R)
@@ -287,44 +301,6 @@ def _covariance(given: float | None, residuals: Array, signal: Array) -> Array:
 def _tiny(Q: Array) -> Array:
     """A first covariance: the last recorded state is known up to the recording's own errors."""
     return np.asarray(KNOWN_START * Q)
-
-
-def _arx(parts: list[Array], L: int) -> tuple[float, int, Array, Array, Array]:
-    """(BIC, L, offset (m,), lags (m, mL), residual covariance (m, m)) of the ARX model with L lags.
-
-    parts : z (T_i, m) of each recording; no window crosses from one to the next.
-    """
-    z = np.vstack(parts)
-    m = z.shape[1]
-    mean, scale = z.mean(axis=0), z.std(axis=0) + NONZERO
-    scaled = [(part - mean) / scale for part in parts if len(part) > L]
-    past = np.vstack([np.hstack([s[L - i - 1 : len(s) - i - 1] for i in range(L)]) for s in scaled])
-    now = np.vstack([s[L:] for s in scaled])
-    theta = np.linalg.solve(past.T @ past + ARX_RIDGE * len(past) * np.eye(m * L), past.T @ now)
-    theta *= np.repeat(_contraction(theta, L) ** np.arange(1, L + 1), m)[:, None]
-    residual = now - past @ theta
-    free = max(len(past) - m * L - 1, 1)
-    covariance = residual.T @ residual / free + ARX_COVARIANCE * np.eye(m)
-    bic = (
-        len(past)
-        * np.linalg.slogdet(residual.T @ residual / len(past) + ARX_COVARIANCE * np.eye(m))[1]
-    )
-    bic += m * (m * L + 1) * np.log(len(past))
-    lags = (scale[:, None] * theta.T) / np.tile(scale, L)
-    return float(bic), L, mean - lags @ np.tile(mean, L), lags, covariance * np.outer(scale, scale)
-
-
-def _contraction(theta: Array, L: int) -> float:
-    """1 for a stable model; else the factor a sample that brings its poles into the circle of
-    radius STABLE.
-
-    Lag i times c^i multiplies every pole by c. Without it a state that no output shows, or a gap,
-    lets errors explode."""
-    m = theta.shape[1]
-    companion = np.eye(m * L, k=-m)
-    companion[:m] = theta.T
-    radius = float(np.abs(np.linalg.eigvals(companion)).max())
-    return STABLE / radius if radius > 1 else 1.0
 
 
 def _slope(f: Callable[[Array], Array], x: Array) -> Array:

@@ -7,11 +7,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ddmhe._core import History
-from ddmhe.baselines.base import Baseline, recordings
+from ddmhe.baselines.base import Baseline, inputs, recordings
 from ddmhe.baselines.tol import NONZERO
 from ddmhe.checks import check_flag, check_number, check_whole
 
 Array = NDArray[np.float64]
+LiftedPart = tuple[Array, Array, Array]
 
 __all__ = ["KoopmanMhe", "thin_plate"]
 
@@ -30,9 +31,9 @@ class KoopmanMhe(Baseline):
     """The estimator that Liu et al. 2026 call Dd-KMHE.
 
     A state is lifted to ψ(x) = [x; 1; thin-plate splines at random centres]; EDMD fits ψ(x⁺) = K
-    ψ(x), y = C ψ(x) by least squares. The estimate minimises 2ρ^m‖z(t-m) - z̄‖² + Σ ρ^{j-1}
-    μ‖y(t-j) - C z(t-j)‖² over the lifted state at the window's start, which is linear least
-    squares.
+    ψ(x) + B u, y = C ψ(x) + D u by least squares (B, D with inputs only). The estimate minimises
+    2ρ^m‖z(t-m) - z̄‖² + Σ ρ^{j-1} μ‖y(t-j) - C z(t-j) - D u(t-j)‖² over the lifted state at the
+    window's start, which is linear least squares.
 
     Parameters
     ----------
@@ -72,7 +73,8 @@ class KoopmanMhe(Baseline):
     ) -> None:
         """Check, identify and start."""
         parts = recordings(history)
-        super().__init__(history.n, history.p, parts[-1][0][-1] if x_prior is None else x_prior)
+        x_last = parts[-1][0][-1]
+        super().__init__(history.n, history.p, x_last if x_prior is None else x_prior, history.m)
         check_whole("horizon", horizon, 1, MOST, f"at least 1 and at most {MOST} outputs")
         check_number("rho, mu", rho, "rho in (0, 1) and a positive mu", lambda value: 0 < value < 1)
         check_number("rho, mu", mu, "rho in (0, 1) and a positive mu", lambda value: value > 0)
@@ -90,13 +92,13 @@ class KoopmanMhe(Baseline):
         self.centres = rng.uniform(
             scaled.min(axis=0), scaled.max(axis=0), (dimension - self.n - 1, self.n)
         )
-        lifted = [(self.lift(x), y) for x, y in parts]
+        lifted = [(self.lift(x), y, u) for (x, y), u in zip(parts, inputs(history), strict=True)]
         self.cut = (
             min(self.CUTS, key=lambda each: self._prediction_error(each, lifted))
             if cut is None
             else cut
         )
-        self.K, self.C = _edmd(lifted, self.cut)
+        self.K, self.B, self.C, self.D = _edmd(lifted, self.cut)
         self.horizon = int(horizon)
         self._gains = list(self._prepared(rho, mu))
         self.reset()
@@ -106,19 +108,19 @@ class KoopmanMhe(Baseline):
         splines = thin_plate((x - self._centre) / self._scale, self.centres)
         return np.concatenate([x, np.ones((*x.shape[:-1], 1)), splines], axis=-1)
 
-    def _prediction_error(self, cut: float, parts: list[tuple[Array, Array]]) -> float:
+    def _prediction_error(self, cut: float, parts: list[LiftedPart]) -> float:
         """Squared error of states and outputs, relative to their spread, predicted over the last
         quarter."""
-        lifted, y = parts[-1]
+        lifted, y, u = parts[-1]
         end = 3 * len(y) // 4
-        K, C = _edmd([*parts[:-1], (lifted[: end + 1], y[:end])], cut)
+        K, B, C, D = _edmd([*parts[:-1], (lifted[: end + 1], y[:end], u[:end])], cut)
         z, squares = lifted[end], 0.0
         with np.errstate(over="ignore", invalid="ignore"):
             for k in range(end, len(y)):
-                squares += float(np.mean((C @ z - y[k]) ** 2)) / max(
+                squares += float(np.mean((_plus(C @ z, D, u[k]) - y[k]) ** 2)) / max(
                     float(y.var(axis=0).mean()), NONZERO
                 )
-                z = K @ z
+                z = _plus(K @ z, B, u[k])
                 squares += float(np.mean((z - lifted[k + 1])[: self.n] ** 2)) / self._scale**2
                 if self._relift:
                     z = self.lift(z[: self.n])
@@ -141,13 +143,27 @@ class KoopmanMhe(Baseline):
             self.lift(x_prior)
         ]  # lifted estimates of the last M + 1 steps, oldest first
         self._outputs: list[Array] = []
+        self._inputs: list[Array] = []
 
-    def _step(self, y: Array) -> Array:
+    def _forced(self) -> tuple[Array, Array]:
+        """Outputs (m p,) and last lifted state (d,) that the window's inputs make from zero."""
+        z, y = np.zeros(len(self.K)), []
+        for u in self._inputs:
+            y.append(self.C @ z + self.D @ u)
+            z = self.K @ z + self.B @ u
+        return np.concatenate(y), z
+
+    def _step(self, y: Array, u: Array) -> Array:
         self._outputs = [*self._outputs, y][-self.horizon :]
+        self._inputs = [*self._inputs, u][-self.horizon :]
         m = len(self._outputs)
         observability, weights, power = self._gains[m - 1]
         window = np.concatenate(self._outputs)
         z = self._priors[-m]
+        forced = None
+        if self.m:
+            y_forced, forced = self._forced()
+            window = window - y_forced
         weights = np.where(np.isnan(window), 0.0, weights)
         misfit = np.where(np.isnan(window), 0.0, window - observability @ z)
         if np.isfinite(misfit).all():
@@ -158,18 +174,30 @@ class KoopmanMhe(Baseline):
                     rows, np.concatenate([weights * misfit, np.zeros(len(z))]), rcond=None
                 )[0]
             )
-        lifted = power @ z
+        lifted = power @ z if forced is None else power @ z + forced
         x = lifted[: self.n]
         self._priors = [*self._priors, self.lift(x) if self._relift else lifted][-self.horizon :]
         return np.asarray(x.copy())
 
 
-def _edmd(parts: list[tuple[Array, Array]], cut: float) -> tuple[Array, Array]:
-    """K and C of ψ(x⁺) = K ψ(x), y = C ψ(x) by least squares.
+def _plus(free: Array, gain: Array, u: Array) -> Array:
+    """free + gain u; free itself where there are no inputs."""
+    return np.asarray(free + gain @ u) if len(u) else free
 
-    parts : lifted states (T_i+1, d) and outputs (T_i, p) of each recording; no pair crosses from
-    one to the next."""
-    before = np.concatenate([z[:-1] for z, _ in parts])
-    after = np.concatenate([np.hstack([z[1:], y]) for z, y in parts])
+
+def _edmd(parts: list[LiftedPart], cut: float) -> tuple[Array, Array, Array, Array]:
+    """K, B, C and D of ψ(x⁺) = K ψ(x) + B u, y = C ψ(x) + D u by least squares.
+
+    parts : lifted states (T_i+1, d), outputs (T_i, p) and inputs (T_i, m) of each recording; no
+    pair crosses from one to the next. Inputs enter with unit deviation: their units do not move
+    the cut."""
+    before = np.concatenate([z[:-1] for z, _, _ in parts])
+    after = np.concatenate([np.hstack([z[1:], y]) for z, y, _ in parts])
+    u = np.concatenate([u for _, _, u in parts])
+    d, m = before.shape[1], u.shape[1]
+    scale = np.where(u.std(axis=0) > 0, u.std(axis=0), 1.0)
+    if m:
+        before = np.hstack([before, u / scale])
     theta: Array = np.linalg.lstsq(before, after, rcond=cut)[0].T.astype(np.float64)
-    return theta[: before.shape[1]], theta[before.shape[1] :]
+    forced = theta[:, d:] / scale
+    return theta[:d, :d], forced[:d], theta[d:, :d], forced[d:]

@@ -19,6 +19,9 @@ __all__ = ["RidgeFir"]
 class RidgeFir(Baseline):
     """x̂(t) = c + W [y(t-L); …; y(t-1)], W by ridge regression on the recording.
 
+    With inputs the window has u(t-L), …, u(t-1) as well, their channels scaled to the outputs'
+    pooled deviation, so that their units do not move the ridge.
+
     Parameters
     ----------
     history : History
@@ -37,7 +40,7 @@ class RidgeFir(Baseline):
     ) -> None:
         """Check, identify and start."""
         parts = recordings(history)
-        super().__init__(history.n, history.p, parts[-1][0][-1])
+        super().__init__(history.n, history.p, parts[-1][0][-1], history.m)
         longest = max(len(y) for _, y in parts)
         if length is not None:
             check_whole("length", length, expected="at least 1 output")
@@ -50,8 +53,8 @@ class RidgeFir(Baseline):
             raise RankError(
                 f"history: expected at least {L + 2} samples in a row for {L}, found {longest}"
             )
-        # no window crosses from one recording to the next
-        windows = np.array([y[k : k + L].ravel() for _, y in parts for k in range(len(y) - L + 1)])
+        signals = self._signals(history)  # no window crosses from one recording to the next
+        windows = np.array([s[k : k + L].ravel() for s in signals for k in range(len(s) - L + 1)])
         targets = np.concatenate([x[L:] for x, _ in parts])
         self._mean_y, self._mean_x = windows.mean(axis=0), targets.mean(axis=0)
         U, s, Vt = np.linalg.svd(windows - self._mean_y, full_matrices=False)
@@ -66,19 +69,35 @@ class RidgeFir(Baseline):
         self.weight = min(self.WEIGHTS, key=score) if weight is None else weight
         gains = s / (s**2 + self.weight * s[0] ** 2 + NONZERO)
         self.W = (Vt.T * gains @ projected).T
-        last = parts[-1][1][len(parts[-1][1]) - min(L - 1, len(parts[-1][1])) :]
+        last = signals[-1][len(signals[-1]) - min(L - 1, len(signals[-1])) :]
         lacking = np.tile(
-            self._mean_y[: self.p], (L - 1 - len(last), 1)
+            self._mean_y[: self.p + self.m], (L - 1 - len(last), 1)
         )  # a last recording shorter than the window
         self._recent = np.vstack([lacking, last])
         self.reset()
 
+    def _signals(self, history: History) -> list[Array]:
+        """[y, u] (T_i, p+m) of each recording, u scaled."""
+        outputs = [y for _, y in history.recordings]
+        if not self.m:
+            return outputs
+        u = np.concatenate(history.inputs)
+        own = np.where(u.std(axis=0) > 0, u.std(axis=0), 1.0)
+        pooled = float(np.sqrt(np.concatenate(outputs).var(axis=0).mean())) or 1.0
+        self._scale_u = pooled / own
+        return [
+            np.hstack([y, u * self._scale_u]) for y, u in zip(outputs, history.inputs, strict=True)
+        ]
+
     def _start(self, x_prior: Array) -> None:
         self._window = self._recent.copy()
 
-    def _step(self, y: Array) -> Array:
-        last = self._window[-1] if len(self._window) else self._mean_y[: self.p]
-        filled = np.where(np.isnan(y), last, y)  # a lacking output keeps its last value
+    def _step(self, y: Array, u: Array) -> Array:
+        last = self._window[-1] if len(self._window) else self._mean_y[: self.p + self.m]
+        # a lacking output keeps its last value
+        filled = np.where(np.isnan(y), last[: self.p], y)
+        if self.m:
+            filled = np.concatenate([filled, u * self._scale_u])
         window = np.vstack([self._window, filled])
         self._window = window[1:]
         return np.asarray(self._mean_x + self.W @ (window.ravel() - self._mean_y))
