@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -51,25 +52,31 @@ class Baseline:
     def step(self, y_t: ArrayLike, u: ArrayLike | None = None) -> Estimate:
         """Consume y(t-1) (p,), NaN where not measured, and u(t-1) (m,); x̂(t)."""
         y = _outputs("y_t", np.atleast_1d(numbers("y_t", y_t, missing=True)), (self.p,))
-        return Estimate(self._next(y, inputs_now(u, self.m)))
+        return self._estimate(y, inputs_now(u, self.m))
 
     def run(self, Y: ArrayLike, U: ArrayLike | None = None) -> Log:
         """Consume outputs (N, p) and inputs (N, m), one step each. A KeyboardInterrupt has the Log
         so far as `finished`."""
-        x: list[Array] = []
+        estimates: list[Estimate] = []
         try:
             outputs = _outputs("Y", Y, (-1, self.p))
             for y, u in zip(outputs, inputs_of_run(U, len(outputs), self.m), strict=True):
-                x.append(self._next(y, u))
+                estimates.append(self._estimate(y, u))
         except KeyboardInterrupt as e:
-            e.finished = Log(np.reshape(x, (-1, self.n)))  # type: ignore[attr-defined]
+            e.finished = self._log(estimates)  # type: ignore[attr-defined]
             raise
-        return Log(np.reshape(x, (-1, self.n)))
+        return self._log(estimates)
 
     def reset(self, x_prior: ArrayLike | None = None) -> None:
         """Start again from x_prior (n,), or from the last recorded state."""
         self._diverged = False
         self._start(self._default_prior if x_prior is None else self._checked_prior(x_prior))
+
+    def _estimate(self, y: Array, u: Array) -> Estimate:
+        return Estimate(self._next(y, u))
+
+    def _log(self, estimates: list[Any]) -> Log:
+        return Log(np.reshape([e.x for e in estimates], (-1, self.n)))
 
     def _next(self, y: Array, u: Array) -> Array:
         if not self._diverged:

@@ -4,15 +4,18 @@ __all__ = [
     "ARX_COVARIANCE",
     "ARX_OUTPUT",
     "ARX_RIDGE",
+    "BOX",
     "COVARIANCE",
     "FREEDOM",
     "KNOWN_START",
     "LEAST_MU",
     "LEAST_RATIO",
     "NONZERO",
+    "NO_POINT",
     "ORACLE_NOISE",
     "ORACLE_STATE",
     "ROUNDING",
+    "SETTLED",
     "SLOPE_STEP",
 ]
 
@@ -52,3 +55,14 @@ LEAST_MU = 1e-9
 """μ of the interval observer's programme is at least this, with P below 1: γ/μ stays finite."""
 LEAST_RATIO = 1e-12
 """The same where the solver leaves μ below its bound by its own tolerance."""
+
+# --- model-based moving horizon estimation
+
+BOX = 1e-12
+"""A bound counts as met when it is missed by less, in units of a row of length one."""
+NO_POINT = 1e-13
+"""Least 1/(1 + ‖t‖²) of a point, t in units of the largest limit: below it is rounding, and there
+is no point inside of all bounds."""
+SETTLED = 1e-14
+"""A covariance this near to the stationary one, relative to its largest entry, is the stationary
+one."""
