@@ -405,7 +405,19 @@ def test_an_estimate_beyond_all_bounds_has_failed_until_the_next_reset():
         (lambda h, m: ModelMhe(h, process_noise=-np.eye(2)), "process_noise: expected a cov"),
         (lambda h, m: ModelMhe(h, process_noise=np.zeros((2, 2))), "process_noise: expected a"),
         (lambda h, m: ModelMhe(h, process_noise=np.eye(3)), "process_noise: expected shape"),
-        (lambda h, m: ModelMhe(h, process_noise="x"), "process_noise: expected one of residual"),
+        (
+            lambda h, m: ModelMhe(h, process_noise="x"),
+            "process_noise: expected one of residual, rec",
+        ),
+        (
+            lambda h, m: ModelMhe(
+                SimpleNamespace(**vars(m), residual=np.eye(3)),
+                mu=1.0,
+                x_prior=[0, 0],
+                process_noise="recorded",
+            ),
+            "process_noise: .* since the model is given",
+        ),
         (lambda h, m: ModelMhe(h, w_bounds=(-1, 1)), "w_bounds: expected none without"),
         (lambda h, m: ModelMhe(h, x_bounds=(1, 0)), "x_bounds: expected lo <= hi in every entry"),
         (lambda h, m: ModelMhe(h, x_bounds=(np.nan, 0)), "x_bounds: expected lo <= hi"),

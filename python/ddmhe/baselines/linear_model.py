@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from ddmhe._core import DdmheError, History, RankError, ShapeError
 from ddmhe.baselines.base import inputs
 from ddmhe.checks import array, check_finite, shown
-from ddmhe.design.model import identify, samples
+from ddmhe.design.model import identify
 
 Array = NDArray[np.float64]
 
@@ -54,7 +54,7 @@ def identified(history: History, *, affine: bool = True) -> LinearModel:
     A constant input, or one that is a combination of the others, has the shortest of its possible
     effects. RankError as `design.identify`, or for fewer samples than unknowns of a row."""
     n = history.n
-    before, after = regression(history) if history.m else samples(history)
+    before, after = regression(history)
     if not affine:
         theta: Array = np.linalg.lstsq(before, after, rcond=None)[0].T.astype(np.float64)
         return _of_rows(theta, np.zeros(after.shape[1]), n, None)

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import io
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import Any, Literal
 
 import numpy as np
+import scipy.linalg
 from numpy.typing import ArrayLike, NDArray
 
 from ddmhe._core import DEFAULT_RHO, DdmheError, History
 from ddmhe.baselines.base import Baseline, Estimate, Log, recordings
 from ddmhe.baselines.boxes import box
 from ddmhe.baselines.linear_model import LinearModel, given, identified
+from ddmhe.baselines.recorded_noise import recorded_noise
 from ddmhe.baselines.weights import PaperWeights, RecordedWeights, root
 from ddmhe.baselines.window import WindowFit, WindowGains, WindowMotion
 from ddmhe.checks import array, check_finite, check_number, check_whole, choice, shown
@@ -90,9 +92,11 @@ class ModelMhe(Baseline):
         recorded variances (to be stated for a model). Neither goes with "recorded" weights.
     weights : "paper" or "recorded"
         See above; "recorded" needs process_noise.
-    process_noise : (n, n) or "residual"
+    process_noise : (n, n), "residual" or "recorded"
         Q, symmetric and positive semidefinite, units of x²; "residual": that of the one-step
-        residuals of the recording, right where its states are exact. Default: no disturbance.
+        residuals of the recording, right where its states are exact; "recorded", of a History: the
+        share of it that makes the recording most likely when its states carry reading noise, and
+        the R that belongs to it (`recorded_noise`). Default: no disturbance.
     x_prior : (n,)
         State at the first output; default: the last recorded state.
     x_bounds, v_bounds, w_bounds : (lo, hi)
@@ -116,7 +120,7 @@ class ModelMhe(Baseline):
         mu: float | None = None,
         *,
         weights: Literal["paper", "recorded"] = "paper",
-        process_noise: ArrayLike | Literal["residual"] | None = None,
+        process_noise: ArrayLike | Literal["residual", "recorded"] | None = None,
         x_prior: ArrayLike | None = None,
         x_bounds: Any = None,
         v_bounds: Any = None,
@@ -140,7 +144,7 @@ class ModelMhe(Baseline):
         check_whole("block", block)
         self.block = int(block)
         choice("weights", weights, ("paper", "recorded"))
-        self.Q = self._process_noise(process_noise)
+        self.Q = self._process_noise(process_noise, model)
         self.weights = weights
         if weights == "paper":
             self._weights: Any = self._paper(model, rho, mu)
@@ -154,13 +158,23 @@ class ModelMhe(Baseline):
         self._prepare()
         self.reset()
 
-    def _process_noise(self, given: Any) -> Array | None:
+    def _process_noise(self, given: Any, model: Any) -> Array | None:
         if given is None:
             return None
         n = self.n
         if isinstance(given, str):
-            choice("process_noise", given, ("residual",))
-            return self._residual("process_noise")[:n, :n]
+            choice("process_noise", given, ("residual", "recorded"))
+            residual = self._residual("process_noise")
+            if given == "residual":
+                return residual[:n, :n]
+            if not isinstance(model, History):
+                raise DdmheError(
+                    "process_noise: expected a covariance or 'residual', since the model is given, "
+                    "found 'recorded'"
+                )
+            Q, R = recorded_noise(model, self.model)
+            self.model = replace(self.model, residual=scipy.linalg.block_diag(Q, R))
+            return Q
         Q = array("process_noise", given, (n, n))
         check_finite("process_noise", Q)
         least = float(np.linalg.eigvalsh(0.5 * (Q + Q.T))[0])
@@ -204,7 +218,8 @@ class ModelMhe(Baseline):
                 )
         if self.Q is None:
             raise DdmheError(
-                "process_noise: expected a covariance or 'residual' for weights='recorded', found "
+                "process_noise: expected a covariance, 'residual' or 'recorded' for weights="
+                "'recorded', found "
                 "none"
             )
         R = self._residual("weights")[self.n :, self.n :]

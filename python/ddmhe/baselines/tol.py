@@ -9,7 +9,9 @@ __all__ = [
     "FREEDOM",
     "KNOWN_START",
     "LEAST_MU",
+    "LEAST_NOISE",
     "LEAST_RATIO",
+    "LEAST_SHARE",
     "NONZERO",
     "NO_POINT",
     "ORACLE_NOISE",
@@ -66,3 +68,8 @@ is no point inside of all bounds."""
 SETTLED = 1e-14
 """A covariance this near to the stationary one, relative to its largest entry, is the stationary
 one."""
+LEAST_NOISE = 1e-18
+"""Added to covariances, in units of the recorded variances: rounding, squared."""
+LEAST_SHARE = 0.05
+"""Outputs keep at least this share of their residual as noise, whatever the noise of the states
+explains: a share of few samples is uncertain by as much."""
