@@ -1,10 +1,12 @@
 """Design of an estimator: identified models, pole placement (Algorithm 2), stability certificates.
 
-`pole_placement` is Algorithm 2 of Liu et al. 2026 as printed, with its limits stated. `ioss`
+`pole_placement` is Algorithm 2 of Liu et al. 2026 as printed, with its limits stated, and
+`algorithm1` the whole of the paper in one call: its weights, its horizon, its estimator. `ioss`
 designs the weighted certificate that exists for every observable system, and with a stated noise
 one for every system that a recording allows."""
 
 from ddmhe._core import minimum_horizon
+from ddmhe.design.algorithm1 import Algorithm1, algorithm1
 from ddmhe.design.certificate import Certificate, Uncertainty
 from ddmhe.design.certify import ioss, scalar_certificate
 from ddmhe.design.model import AffineModel, identify
@@ -14,6 +16,7 @@ from ddmhe.design.uncertainty import ConsistentSet, RecordingNoise, consistent_s
 
 __all__ = [
     "AffineModel",
+    "Algorithm1",
     "Certificate",
     "Cone",
     "ConsistentSet",
@@ -22,6 +25,7 @@ __all__ = [
     "PolePlacement",
     "RecordingNoise",
     "Uncertainty",
+    "algorithm1",
     "consistent_set",
     "identify",
     "ioss",
