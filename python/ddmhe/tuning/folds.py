@@ -82,13 +82,13 @@ class Recorded:
     @cached_property
     def u(self) -> Array:
         """Known inputs (T, m) of the longest recording; m = 0 for a system without."""
-        return _inputs(self.history)[self.longest]
+        return self.history.inputs[self.longest]
 
     @cached_property
     def others(self) -> list[History]:
         """The other recordings."""
         h = self.history
-        signals = zip(h.recordings, _inputs(h), strict=True)
+        signals = zip(h.recordings, h.inputs, strict=True)
         return [like(h, x, y, u) for i, ((x, y), u) in enumerate(signals) if i != self.longest]
 
     def until(self, k: int) -> History:
@@ -118,13 +118,6 @@ def like(history: History, x: Array, y: Array, u: Array) -> History:
     if not history.m:
         return History(x, y, history.dt, x_units=x_units, y_units=y_units)
     return History(x, y, history.dt, u, x_units=x_units, y_units=y_units, u_units=u_units)
-
-
-def _inputs(history: History) -> list[Array]:
-    """Known inputs (T_i, m) of each recording."""
-    if history.m:
-        return history.inputs
-    return [np.zeros((len(y), 0)) for _, y in history.recordings]
 
 
 def known(u: Array) -> Array | None:
