@@ -17,9 +17,11 @@ G = interval.fixed_gain(S, [[0.3], [0.1]])
 Z = ddmhe.Zonotope([0.0, 1.0], np.eye(2))
 CERTIFICATE = design.ioss(A=A, C=C, eta=0.95)
 NOISE = design.RecordingNoise(y=9.0, w=9.0)
+DRIVEN = ddmhe.History(X, Y, u=np.random.default_rng(5).standard_normal(Y.shape))
 
 CALLS = {
     "History": (ddmhe.History, {"x": X, "y": Y, "dt": 0.1}),
+    "History with inputs": (ddmhe.History, {"x": X, "y": Y, "u": Y}),
     "History.concat": (ddmhe.History.concat, {"histories": [H, H]}),
     "History.rank": (H.rank, {"depth": 3}),
     "DdMhe": (
@@ -49,6 +51,18 @@ CALLS = {
         {"y_t": [0.1], "x_bounds": (-9.0, 9.0), "out": None},
     ),
     "DdMhe.run": (lambda **given: ddmhe.DdMhe(H, 5).run(**given), {"Y": Y[:3], "out": None}),
+    "DdMhe.step with inputs": (
+        lambda **given: ddmhe.DdMhe(DRIVEN, 5).step(**given),
+        {"y_t": [0.1], "u": [0.1], "out": None},
+    ),
+    "DdMhe.run with inputs": (
+        lambda **given: ddmhe.DdMhe(DRIVEN, 5).run(**given),
+        {"Y": Y[:3], "U": Y[:3]},
+    ),
+    "run_many with inputs": (
+        ddmhe.run_many,
+        {"estimators": ddmhe.DdMhe(DRIVEN, 5), "logs": [Y[:3]], "inputs": [Y[:3]]},
+    ),
     "DdMhe.reset": (lambda **given: ddmhe.DdMhe(H, 5).reset(**given), {"x_prior": [0.0, 0.0]}),
     "DdMhe.restore": (ddmhe.DdMhe.restore, {"blob": ddmhe.DdMhe(H, 5).snapshot()}),
     "run_many": (
@@ -250,6 +264,7 @@ CALLS = {
             "path": "no-such-file.csv",
             "state": ["w"],
             "output": ["q"],
+            "input": ["u"],
             "time": None,
             "start": None,
             "decimate": 1,

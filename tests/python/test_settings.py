@@ -37,6 +37,38 @@ def test_the_signature_the_stub_and_the_table_name_the_same_settings():
     assert not set(names) & set(READING)
 
 
+def test_the_stub_has_the_signatures_of_the_core():
+    """Names, in order, and which of them are by name only."""
+    stub = ast.parse((ROOT / "python" / "ddmhe" / "_core.pyi").read_text())
+    classes = {n.name: n.body for n in stub.body if isinstance(n, ast.ClassDef)}
+    calls = (
+        (ddmhe.History, classes["History"], "__new__"),
+        (ddmhe.DdMhe.step, classes["DdMhe"], "step"),
+        (ddmhe.DdMhe.run, classes["DdMhe"], "run"),
+        (ddmhe.DdMhe.reset, classes["DdMhe"], "reset"),
+        (ddmhe.run_many, stub.body, "run_many"),
+        (validate, stub.body, "validate"),
+        (check_settings, stub.body, "check_settings"),
+    )
+    for function, body, name in calls:
+        parameters = inspect.signature(function).parameters
+        by_name = [n for n, p in parameters.items() if p.kind == inspect.Parameter.KEYWORD_ONLY]
+        expected = [n for n in parameters if n not in ("self", *by_name)], by_name
+        written = [n for n in body if isinstance(n, ast.FunctionDef) and n.name == name]
+        assert written, name
+        for one in written:
+            places = [a.arg for a in one.args.args if a.arg not in ("self", "cls")]
+            assert (places, [a.arg for a in one.args.kwonlyargs]) == expected, name
+
+
+def test_each_property_of_the_core_is_in_the_stub():
+    stub = ast.parse((ROOT / "python" / "ddmhe" / "_core.pyi").read_text())
+    for cls in (ddmhe.History, ddmhe.DdMhe):
+        (found,) = (n for n in stub.body if isinstance(n, ast.ClassDef) and n.name == cls.__name__)
+        named = {n.name for n in found.body if isinstance(n, ast.FunctionDef)}
+        assert {n for n in vars(cls) if not n.startswith("_")} - named == set()
+
+
 def test_each_setting_is_described():
     described = ddmhe.DdMhe.__doc__.split("Raises")[0]
     assert [name for name in setting_names() if f"\n{name} : " not in described] == []
