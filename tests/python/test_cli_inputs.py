@@ -146,7 +146,11 @@ def test_tune_and_its_settings(cart, log, tmp_path):
 def test_design_reads_inputs(log, tmp_path):
     result = in_here("design", log, *COLUMNS, "--history", 12, "--out", tmp_path)
     assert result.returncode == 0, result.stderr
-    assert (tmp_path / "design.toml").exists()
+    assert "n = 2, p = 1, m = 1" in result.stdout
+    config = ["--config", tmp_path / "design.toml"]
+    estimated = in_here("estimate", log, *COLUMNS, "--history", 12, *config)
+    assert estimated.returncode == 0, estimated.stderr
+    assert printed(estimated, "NRMSE") < 0.1
 
 
 @pytest.mark.parametrize(

@@ -96,41 +96,42 @@ def test_logs_with_inputs_are_no_pendulum_logs(tmp_path, monkeypatch):
         pendulum_logs(tmp_path)
 
 
-class Blind:
-    """A baseline that takes no inputs."""
-
-    def __init__(self, history):
-        self.n = history.n
+class Taking:
+    """An estimator that repeats the first input, and whose first state diverges."""
 
     def reset(self, x_prior):
         self.x = np.asarray(x_prior)
 
-    def run(self, Y):
-        return ddmhe.baselines.Log(np.tile(self.x, (len(Y), 1)))
+    def run(self, Y, U):
+        return ddmhe.baselines.Log(np.tile([np.nan, U[0, 0] + self.x[1]], (len(Y), 1)))
 
 
-class Taking(Blind):
-    """One that does, and whose first state diverges."""
-
-    def run(self, Y, U=None):
-        assert U.shape == (len(Y), 2)
-        return ddmhe.baselines.Log(np.tile([np.nan, U[0, 0]], (len(Y), 1)))
-
-
-def test_baselines_that_take_no_inputs_are_left_out(monkeypatch):
+def test_errors_are_those_of_all_tests_together():
     rng = np.random.default_rng(0)
     x, y, u = rng.standard_normal((41, 2)), rng.standard_normal((40, 1)), np.ones((40, 2))
-    h = ddmhe.History(x, y, u=u)
-    for kind, there in ((Blind, False), (Taking, True)):
-        monkeypatch.setattr(driven, "RidgeFir", kind)
-        assert ("ridge FIR" in driven.estimators(h, False)) == there
-    monkeypatch.setattr(driven, "RidgeFir", Blind)
-    assert "ridge FIR" in driven.estimators(h.without_inputs(), False)
     case = driven.Case(("a",), ("b",), ("x1", "x2"), ("y",), ("u1", "u2"))
     tests = [driven.Signals(x, y, u), driven.Signals(x, y, 2 * u)]
-    found = driven._errors(Taking(h), tests, case)
-    squares = np.r_[(x[1:, 1] - 1) ** 2, (x[1:, 1] - 2) ** 2]
+    found = driven._errors(Taking(), tests, case)
+    squares = np.r_[[(x[1:, 1] - x[0, 1] - k) ** 2 for k in (1, 2)]]
     assert found == {"NRMSE": np.inf, "x1": np.inf, "x2": pytest.approx(np.sqrt(squares.mean()))}
+
+
+def test_every_estimator_takes_inputs():
+    rng = np.random.default_rng(0)
+    u = rng.standard_normal((60, 1))
+    x = np.zeros((61, 2))
+    for k in range(60):
+        x[k + 1] = x[k] @ np.array([[0.9, -0.2], [0.2, 0.9]]) + u[k]
+    y = x[:-1, :1] + 0.01 * rng.standard_normal((60, 1))
+    case = driven.Case(("a",), ("b",), ("x1", "x2"), ("y",), ("u",))
+    test = driven.Signals(x, y, u)
+    found = {
+        name: driven._errors(make(), [test], case)["NRMSE"]
+        for name, make in driven.estimators(ddmhe.History(x, y, u=u), False).items()
+    }
+    assert len(found) == 7
+    assert found["Dd-MHE, defaults"] < 0.01
+    assert np.isfinite(list(found.values())).all()
 
 
 def test_interrupted_cases_leave_the_table_of_those_before(monkeypatch, tmp_path):

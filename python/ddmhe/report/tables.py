@@ -74,7 +74,7 @@ def design(
 
     rows = {
         "history": f"T = {history.T} samples of {history.dt:.4g} s, n = {history.n}, "
-        f"p = {history.p}",
+        f"p = {history.p}" + (f", m = {history.m}" if history.m else ""),
         "poles of the identified A": poles(np.linalg.eigvals(model.A)),
         "rank of [X1; Y0], asked (44)": f"{placement.rank} of {placement.required_rank}",
         "its singular values": ", ".join(f"{s:.3g}" for s in placement.singular_values),

@@ -6,10 +6,8 @@ is the NRMSE, a state's rms error over its spread in the tests, root mean square
 
 from __future__ import annotations
 
-import inspect
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +16,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from ddmhe._core import DdMhe, History
-from ddmhe.baselines import ArxKalman, ErrorStateKalman, KoopmanMhe, RidgeFir
+from ddmhe.baselines import ArxKalman, ErrorStateKalman, KoopmanMhe, ModelMhe, RidgeFir
 from ddmhe.logs import Log, read_log
 from ddmhe.report import root_mean_square
 from ddmhe.reproduce.montecarlo import in_parallel
@@ -162,20 +160,15 @@ def estimators(history: History, goes_on: bool) -> Mapping[str, Callable[[], Any
 
         return DdMhe(history, **tune(history, progress=False).settings, start=start)
 
-    found: dict[str, Callable[[], Any]] = {
+    return {
         "Dd-MHE, defaults": lambda: DdMhe(history, start=start),
         "Dd-MHE, tuned": tuned,
+        "MHE, identified model": lambda: ModelMhe(history),
+        "Dd-KMHE, tuned": lambda: KoopmanMhe(history, 30, 0.95, 1e-2),
+        "Dd-ESKF, tuned": lambda: ErrorStateKalman(history),
+        "ARX Kalman filter": lambda: ArxKalman(history),
+        "ridge FIR": lambda: RidgeFir(history),
     }
-    baselines: dict[str, tuple[Any, dict[str, Any]]] = {
-        "Dd-KMHE, tuned": (KoopmanMhe, {"horizon": 30, "rho": 0.95, "mu": 1e-2}),
-        "Dd-ESKF, tuned": (ErrorStateKalman, {}),
-        "ARX Kalman filter": (ArxKalman, {}),
-        "ridge FIR": (RidgeFir, {}),
-    }
-    for name, (kind, given) in baselines.items():
-        if not history.m or "U" in inspect.signature(kind.run).parameters:
-            found[name] = partial(kind, history, **given)
-    return found
 
 
 def scores(job: tuple[str, Path]) -> dict[str, dict[str, float]]:
