@@ -21,6 +21,8 @@ def inputs_now(u: ArrayLike | None, m: int) -> Array:
         if m:
             raise ShapeError(f"u: expected {m} numbers, the inputs at the instant of y, found none")
         return np.empty(0)
+    if m == 0:
+        raise ShapeError("u: expected none, for a recording without inputs")
     found = numbers("u", u)
     if found.ndim == 0 and m == 1:
         found = found[None]
