@@ -32,7 +32,7 @@
 //! With f at rounding level the weight is zero and the space exact. n + 1 samples are fitted by
 //! some affine model whatever they are: without degrees of freedom f counts as 1. Should the map
 //! from prior to estimate come out unstable (spectral radius above
-//! [`tol::SPECTRAL_RADIUS`](crate::tol::SPECTRAL_RADIUS)), the weight is raised tenfold until it is
+//! [`tol::SPECTRAL_RADIUS`]), the weight is raised tenfold until it is
 //! not.
 //!
 //! A large f says that x(k) alone does not tell x(k+1), but not why. Hidden parts of the state ask
