@@ -102,10 +102,14 @@ impl OwnResponse {
     /// x_f and y_f of a window with these inputs, all as scaled deviations.
     pub fn forced(&self, u: &[f64]) -> (Vec<f64>, Vec<f64>) {
         let ResponseSizes { n, p, m, .. } = self.sizes;
-        let depth = u.len() / m;
-        let (mut x, mut y) = (vec![0.0; (depth + 1) * n], vec![0.0; depth * p]);
-        let mut room = vec![0.0; self.sizes.room()];
-        Response::new(self.sizes, &self.theta).forced(u, &mut x, &mut y, &mut room);
+        let (stride, depth) = (self.sizes.stride(), u.len() / m);
+        let mut motion = vec![0.0; depth * stride];
+        Response::new(self.sizes, &self.theta).forced(u, &mut motion);
+        let (mut x, mut y) = (vec![0.0; n], Vec::with_capacity(depth * p));
+        for instant in motion.chunks_exact(stride) {
+            x.extend(&instant[..n]);
+            y.extend(&instant[n..n + p]);
+        }
         (x, y)
     }
 

@@ -86,7 +86,7 @@ struct Forced {
     x: usize,      // means + x_f, in the user's units
     y: usize,      // y_f
     free: usize,   // y - y_f
-    room: usize,
+    motion: usize, // of a step in turn
     end: usize,
     at: usize,
 }
@@ -98,8 +98,9 @@ impl Forced {
         let x = at + known(samples(horizon) * m);
         let y = x + known((horizon + 1) * n);
         let free = y + known(horizon * p);
-        let room = free + known(horizon * p);
-        Forced { inputs: at, x, y, free, room, end: room + known(sizes.response().room()), at }
+        let motion = free + known(horizon * p);
+        let end = motion + known(horizon * sizes.response().stride());
+        Forced { inputs: at, x, y, free, motion, end, at }
     }
 
     fn len(&self) -> usize {
@@ -220,16 +221,24 @@ impl<B: AsRef<[f64]> + AsMut<[f64]>> Memory<B> {
     #[inline(always)]
     pub fn force(&mut self, shared: &Shared<'_>) {
         let Some(response) = shared.response() else { return };
-        let (depth, n, p) = (self.depth, self.states.width, self.outputs.width);
-        let (inputs, forced) = (self.inputs.last(depth), self.forced);
+        let (n, p, stride) =
+            (self.states.width, self.outputs.width, shared.sizes.response().stride());
+        let (inputs, forced) = (self.inputs.last(self.depth), self.forced);
         let (known, rest) = self.block.as_mut().split_at_mut(forced.x);
         let (x, rest) = rest.split_at_mut(forced.y - forced.x);
         let (y, rest) = rest.split_at_mut(forced.free - forced.y);
-        let room = &mut rest[forced.room - forced.free..forced.end - forced.free];
-        let (x, y) = (&mut x[..(depth + 1) * n], &mut y[..depth * p]);
-        response.forced(&known[inputs], x, y, room);
-        let means = shared.means.iter().zip(shared.s_x.iter().cycle());
-        x.iter_mut().zip(means).for_each(|(x, (mean, s))| *x = mean + *x * s);
+        let motion = &mut rest[forced.motion - forced.free..forced.end - forced.free];
+        response.forced(&known[inputs], motion);
+        x[..n].copy_from_slice(shared.mean_x);
+        let moved = x[n..].chunks_exact_mut(n).zip(y.chunks_exact_mut(p)).take(self.depth);
+        for ((x, y), instant) in moved.zip(motion.chunks_exact(stride)) {
+            for (i, x) in x.iter_mut().enumerate() {
+                *x = shared.mean_x[i] + instant[i] * shared.s_x[i];
+            }
+            for (y, forced) in y.iter_mut().zip(&instant[n..]) {
+                *y = *forced;
+            }
+        }
     }
 
     /// The outputs of the window without their forced motion.

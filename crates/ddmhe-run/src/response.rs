@@ -38,8 +38,9 @@ impl ResponseSizes {
         if self.m == 0 { 0 } else { panels_len(self.n + self.p, self.regressors()) }
     }
 
-    /// Numbers that [`Response::forced`] works in.
-    pub fn room(self) -> usize {
+    /// Numbers from one instant of a forced motion to the next.
+    #[inline(always)]
+    pub fn stride(self) -> usize {
         padded(self.n + self.p)
     }
 }
@@ -58,30 +59,35 @@ impl<'a> Response<'a> {
         Response { sizes, theta: Panels::new(sizes.regressors(), theta) }
     }
 
-    /// x_f (depth+1)·n and y_f depth·p from u (depth·m), scaled; `room` is for
-    /// [`ResponseSizes::room`] numbers.
+    /// The forced motion of scaled inputs u (depth·m): for each instant k in turn \[x_f(k+1);
+    /// y_f(k)\], [`ResponseSizes::stride`] numbers apart. x_f(0) = 0 is not written.
     #[inline(always)]
-    pub fn forced(&self, u: &[f64], x: &mut [f64], y: &mut [f64], room: &mut [f64]) {
+    pub fn forced(&self, u: &[f64], motion: &mut [f64]) {
         let ResponseSizes { n, p, m, lag } = self.sizes;
-        x[..n].fill(0.0);
-        for k in 0..u.len() / m {
-            room.fill(0.0);
-            let mut column = self.sizes.regressors() - (m + n) - k.min(lag - 1) * (n + p + m);
-            for before in (k - k.min(lag - 1))..k {
-                for part in [at(x, before, n), at(y, before, p), at(u, before, m)] {
-                    column = self.theta.add(column, part, room);
-                }
+        let stride = self.sizes.stride();
+        for (k, inputs) in u.chunks_exact(m).enumerate() {
+            let (before, now) = motion.split_at_mut(k * stride);
+            let now = &mut now[..stride];
+            now.fill(0.0);
+            let oldest = k.min(lag - 1);
+            let mut column = self.sizes.regressors() - (m + n) - oldest * (n + p + m);
+            for j in k - oldest..k {
+                let y = &before[j * stride + n..j * stride + n + p];
+                column = self.theta.add(column, state(before, stride, j, n), now);
+                column = self.theta.add(if j == 0 { column + n } else { column }, y, now);
+                column = self.theta.add(column, &u[j * m..(j + 1) * m], now);
             }
-            column = self.theta.add(column, at(u, k, m), room);
-            self.theta.add(column, at(x, k, n), room);
-            x[(k + 1) * n..(k + 2) * n].copy_from_slice(&room[..n]);
-            y[k * p..(k + 1) * p].copy_from_slice(&room[n..n + p]);
+            column = self.theta.add(column, inputs, now);
+            self.theta.add(column, state(before, stride, k, n), now);
         }
     }
 }
 
-/// Sample k of a signal.
+/// x_f(k), or nothing for x_f(0) = 0.
 #[inline(always)]
-fn at(signal: &[f64], k: usize, width: usize) -> &[f64] {
-    &signal[k * width..(k + 1) * width]
+fn state(motion: &[f64], stride: usize, k: usize, n: usize) -> &[f64] {
+    match k.checked_sub(1) {
+        Some(before) => &motion[before * stride..before * stride + n],
+        None => &[],
+    }
 }

@@ -76,7 +76,13 @@ impl<B: AsRef<[f64]> + AsMut<[f64]>, F: Fallback> Pass<'_, B, F> {
         if self.memory.depth() != depth {
             self.memory.deepen(depth);
         }
-        self.memory.force(shared);
+        if shared.sizes.m > 0 {
+            let memory = &mut *self.memory;
+            self.fallback.vectorised(
+                #[inline(always)]
+                || memory.force(shared),
+            );
+        }
         let solution = self.minimise(out);
         let mut found = Found { solution, anew: false, forgot: false };
         if solution.status != Status::Optimal {

@@ -227,7 +227,7 @@ pub struct Shared<'a> {
     pub rho: f64,
     /// See [`Common::unit`].
     pub unit: f64,
-    mean_x: &'a [f64],
+    pub(crate) mean_x: &'a [f64],
     pub(crate) s_x: &'a [f64],
     pub(crate) per_s_x: &'a [f64],
     mean_y: &'a [f64],
@@ -240,7 +240,7 @@ pub struct Shared<'a> {
     pub(crate) v_limits: Option<Limits<'a>>,
     pub(crate) discount: &'a [f64],
     noise: &'a [f64],
-    pub(crate) means: &'a [f64],
+    means: &'a [f64],
     scales: [&'a [f64]; 2],
     pub(crate) states: &'a [f64],
     pub(crate) outputs: &'a [f64],
