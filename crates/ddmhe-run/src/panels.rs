@@ -89,6 +89,24 @@ impl<'a> Panels<'a> {
         end
     }
 
+    /// out(k) = M [u(k); out(k-1)] from out(-1) = 0, for a matrix of one panel: its first m columns
+    /// are those of u, and as many entries of out go on as there are others.
+    #[inline(always)]
+    pub fn recursion(self, m: usize, u: &[f64], out: &mut [f64]) {
+        let (of_u, of_out) = self.data.split_at(m);
+        let mut last = [0.0; WIDTH];
+        for (u, out) in u.chunks_exact(m).zip(out.as_chunks_mut::<WIDTH>().0) {
+            let mut sum = [0.0; WIDTH];
+            for (column, u) in of_u.iter().zip(u) {
+                add(&mut sum, column, *u);
+            }
+            for (column, last) in of_out.iter().zip(last) {
+                add(&mut sum, column, last);
+            }
+            (*out, last) = (sum, sum);
+        }
+    }
+
     /// out = start + M [x; y], for few rows and many columns: four running sums a row, which need
     /// not wait for each other.
     #[inline(always)]

@@ -12,7 +12,7 @@
 //! there were no input, and adds x_f to the states. x_f(0) = 0: the prior is that of the free
 //! motion.
 
-use crate::panels::{Panels, padded, panels_len};
+use crate::panels::{Panels, WIDTH, padded, panels_len};
 
 /// Sizes of a response.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -65,6 +65,9 @@ impl<'a> Response<'a> {
     pub fn forced(&self, u: &[f64], motion: &mut [f64]) {
         let ResponseSizes { n, p, m, lag } = self.sizes;
         let stride = self.sizes.stride();
+        if lag == 1 && stride == WIDTH {
+            return self.theta.recursion(m, u, motion);
+        }
         for (k, inputs) in u.chunks_exact(m).enumerate() {
             let (before, now) = motion.split_at_mut(k * stride);
             let now = &mut now[..stride];
