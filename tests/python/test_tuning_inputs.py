@@ -8,6 +8,8 @@ import pytest
 
 import ddmhe
 from ddmhe._core import validate
+from ddmhe.tuning.folds import Recorded
+from ddmhe.tuning.rehearsals import rehearsals_of
 from ddmhe.tuning.surrogate import Surrogate, continued
 
 DATA = (
@@ -16,17 +18,22 @@ DATA = (
 REST = (np.array([0.5, 0.0]), np.array([0.5]), np.array([0.3]))
 
 
-def driven(T, seed=0, noise=0.0, drag=0.02):
-    """A mass on a spring under a force, with a drag that bends over: quadratic, at rest in REST;
-    the output sees the force. x (T+1, 2), y (T, 1), u (T, 1)."""
+def moved(x_0, u):
+    """States (T+1, 2) of a mass on a spring under a force u (T, 1), with a drag that bends over:
+    quadratic, at rest in REST."""
+    x = [np.asarray(x_0)]
+    for force in u[:, 0]:
+        q, w = x[-1][0] - REST[0][0], x[-1][1]
+        pull = -0.1 * q - 0.05 * w + 0.2 * (force - REST[2][0]) - 0.02 * w * w
+        x.append(x[-1] + np.array([0.3 * w, pull]))
+    return np.array(x)
+
+
+def driven(T, seed=0, noise=0.0):
+    """x (T+1, 2), y (T, 1), u (T, 1) of that mass; the output sees the force."""
     rng = np.random.default_rng(seed)
     u = 0.3 + np.repeat(rng.uniform(-0.1, 0.1, T // 5 + 1), 5)[:T, None]
-    x = [np.array([0.6, 0.1])]
-    for k in range(T):
-        q, w = x[-1][0] - REST[0][0], x[-1][1]
-        pull = -0.1 * q - 0.05 * w + 0.2 * (u[k, 0] - REST[2][0]) - drag * w * w
-        x.append(x[-1] + np.array([0.3 * w, pull]))
-    x = np.array(x)
+    x = moved([0.6, 0.1], u)
     y = x[:-1, :1] + 0.5 * (u - REST[2])
     return x, y + noise * rng.standard_normal(y.shape), u
 
@@ -52,12 +59,7 @@ def test_the_surrogate_is_the_driven_system_where_that_is_quadratic(rest):
     surrogate = Surrogate(x, y, rest, u)
     assert surrogate.misfit < 0.1
     again = continued(u, 450)
-    truth = [x[0]]
-    for k in range(450):
-        q, w = truth[-1][0] - REST[0][0], truth[-1][1]
-        pull = -0.1 * q - 0.05 * w + 0.2 * (again[k, 0] - REST[2][0]) - 0.02 * w * w
-        truth.append(truth[-1] + np.array([0.3 * w, pull]))
-    truth = np.array(truth)
+    truth = moved(x[0], again)
     motion, outputs = surrogate.motion(surrogate.best, 450)
     assert np.abs(motion - truth).max() < 1e-2 * np.ptp(truth)
     seen = truth[:-1, :1] + 0.5 * (again - REST[2])
@@ -114,6 +116,18 @@ def test_rehearsals_are_driven_by_the_recorded_inputs(tuned):
     stable = tuned.table["spectral radius"] <= 1.005
     assert np.isfinite(tuned.table["rehearsed"][stable]).all()
     assert "driven by the recorded inputs back and forth" in tuned.words
+
+
+def test_a_rehearsal_is_a_motion_under_its_inputs():
+    x, y, u = driven(120)
+    recorded = Recorded(ddmhe.History(x, y, u=u), 0, np.zeros(1))
+    folds = rehearsals_of(recorded, lambda _: None)
+    assert len(folds) == 8
+    for fold in folds[:3]:
+        np.testing.assert_array_equal(fold.history.inputs[0], u)
+        np.testing.assert_array_equal(fold.inputs, continued(u, 120 + len(fold.outputs))[120:])
+        expected = moved(fold.prior, fold.inputs)[1:]
+        assert np.abs(fold.truth - expected).max() < 1e-2 * np.ptp(expected)
 
 
 def test_units_of_inputs_do_not_matter(tuned):
