@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import ddmhe
-from ddmhe.baselines import ArxKalman, ErrorStateKalman, KoopmanMhe, RidgeFir
+from ddmhe.baselines import ArxKalman, ErrorStateKalman, KoopmanMhe, ModelMhe, RidgeFir
 from reference import random_system
 
 MAKERS = {
@@ -219,3 +219,17 @@ def test_too_few_samples_for_the_effects_of_inputs():
     short = ddmhe.History(rng.standard_normal((5, 2)), np.zeros((4, 1)), u=np.ones((4, 2)))
     with pytest.raises(ddmhe.RankError, match="history: expected at least 5 outputs"):
         ErrorStateKalman(short)
+
+
+@pytest.mark.parametrize("name", [*MAKERS, "model"])
+def test_an_input_that_never_changed_is_told_from_nothing_and_refused_by_nobody(name):
+    make = MAKERS.get(name, lambda h: ModelMhe(h, 5, 0.9, 1.0))
+    history, Y, U, _ = forced_case(11, noise=0.02)
+    (x, y), u = history.recordings[0], history.inputs[0]
+    still = ddmhe.History(x, y, 0.1, u=np.column_stack([u, np.full(len(u), 3.0)]))
+    found = make(still).run(Y, np.column_stack([U, np.full(len(U), 3.0)])).x
+    expected = make(history).run(Y, U).x
+    if name == "eskf-linear":  # a constant input is the offset that this model lacks
+        assert np.isfinite(found).all()
+    else:
+        np.testing.assert_allclose(found, expected, atol=1e-4 * np.abs(expected).max())

@@ -14,7 +14,7 @@ from ddmhe.checks import array, check_finite, check_history
 
 Array = NDArray[np.float64]
 
-__all__ = ["Baseline", "Estimate", "Log", "inputs", "recordings"]
+__all__ = ["Baseline", "Estimate", "Log", "recordings"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,13 +104,6 @@ def recordings(history: History) -> list[tuple[Array, Array]]:
     """States (T_i+1, n) and outputs (T_i, p) of each recording; DdmheError if this is no
     History."""
     return check_history(history).recordings
-
-
-def inputs(history: History) -> list[Array]:
-    """Inputs (T_i, m) of each recording; m may be 0."""
-    if history.m:
-        return history.inputs
-    return [np.empty((len(y), 0)) for _, y in history.recordings]
 
 
 def _outputs(name: str, value: ArrayLike, shape: tuple[int, ...]) -> Array:

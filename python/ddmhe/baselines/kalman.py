@@ -12,8 +12,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from ddmhe._core import DdmheError, History, RankError, ShapeError
 from ddmhe.baselines.arx import fit_arx
-from ddmhe.baselines.base import Baseline, inputs, recordings
-from ddmhe.baselines.linear_model import identified, regression
+from ddmhe.baselines.base import Baseline, recordings
+from ddmhe.baselines.linear_model import identified
 from ddmhe.baselines.tol import (
     ARX_OUTPUT,
     COVARIANCE,
@@ -32,6 +32,7 @@ from ddmhe.checks import (
     choice,
     shown,
 )
+from ddmhe.design.model import samples
 
 Array = NDArray[np.float64]
 
@@ -90,7 +91,7 @@ class ErrorStateKalman(Baseline):
         model = identified(history, affine=affine)
         self.A, self.B, self.e = model.A, model.B, model.e
         self.C, self.D, self.r = model.C, model.D, model.r
-        before, after = regression(history)
+        before, after = samples(history)
         before, u = before[:, : self.n], before[:, self.n :]
         x_next, y = after[:, : self.n], after[:, self.n :]
         if self.m:  # what the inputs did is no residual
@@ -139,7 +140,7 @@ class ArxKalman(Baseline):
         """Check, identify and start."""
         parts = [np.hstack([x[:-1], y]) for x, y in recordings(history)]
         super().__init__(history.n, history.p, history.recordings[-1][0][-1], history.m)
-        known = inputs(history)
+        known = history.inputs
         m, total = history.n + history.p, sum(len(z) for z in parts)
         if order is not None:
             check_whole("order", order, expected="at least 1 lag")

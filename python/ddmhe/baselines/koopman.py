@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ddmhe._core import History
-from ddmhe.baselines.base import Baseline, inputs, recordings
+from ddmhe.baselines.base import Baseline, recordings
 from ddmhe.baselines.tol import NONZERO
 from ddmhe.checks import check_flag, check_number, check_whole
 
@@ -92,7 +92,7 @@ class KoopmanMhe(Baseline):
         self.centres = rng.uniform(
             scaled.min(axis=0), scaled.max(axis=0), (dimension - self.n - 1, self.n)
         )
-        lifted = [(self.lift(x), y, u) for (x, y), u in zip(parts, inputs(history), strict=True)]
+        lifted = [(self.lift(x), y, u) for (x, y), u in zip(parts, history.inputs, strict=True)]
         self.cut = (
             min(self.CUTS, key=lambda each: self._prediction_error(each, lifted))
             if cut is None

@@ -9,13 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ddmhe._core import DdmheError, History, RankError, ShapeError
-from ddmhe.baselines.base import inputs
 from ddmhe.checks import array, check_finite, shown
-from ddmhe.design.model import identify
+from ddmhe.design.model import identify, samples, slopes
 
 Array = NDArray[np.float64]
 
-__all__ = ["LinearModel", "given", "identified", "regression"]
+__all__ = ["LinearModel", "given", "identified"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,23 +37,14 @@ class LinearModel:
     """Covariance (n+p, n+p) of [w; v], if known."""
 
 
-def regression(history: History) -> tuple[Array, Array]:
-    """Regressors [x(k), u(k)] (K, n+m) and targets [x(k+1), y(k)] (K, n+p); no row crosses a
-    seam."""
-    parts = [
-        (np.hstack([x[:-1], u]), np.hstack([x[1:], y]))
-        for (x, y), u in zip(history.recordings, inputs(history), strict=True)
-    ]
-    return np.concatenate([p[0] for p in parts]), np.concatenate([p[1] for p in parts])
-
-
 def identified(history: History, *, affine: bool = True) -> LinearModel:
     """The least-squares model of a recording; without `affine` e and r are 0.
 
-    A constant input, or one that is a combination of the others, has the shortest of its possible
-    effects. RankError as `design.identify`, or for fewer samples than unknowns of a row."""
+    An estimator has to run on whatever was recorded: unlike `design.identify` this takes inputs
+    that never change, or move together, and gives them the smallest of their possible effects.
+    RankError as `design.identify` without inputs, or for fewer samples than unknowns of a row."""
     n = history.n
-    before, after = regression(history)
+    before, after = samples(history)
     if not affine:
         theta: Array = np.linalg.lstsq(before, after, rcond=None)[0].T.astype(np.float64)
         return _of_rows(theta, np.zeros(after.shape[1]), n, None)
@@ -68,13 +58,8 @@ def identified(history: History, *, affine: bool = True) -> LinearModel:
             f"history: expected at least {unknowns} outputs for least squares, found {len(before)}"
         )
     mean, target = before.mean(axis=0), after.mean(axis=0)
-    centred = before - mean
-    size = np.linalg.norm(centred, axis=0)
-    size = np.where(size > 0, size, 1.0)
-    theta = np.asarray(
-        (np.linalg.lstsq(centred / size, after - target, rcond=None)[0] / size[:, None]).T
-    )
-    errors = after - target - centred @ theta.T
+    theta = slopes(before - mean, after - target).T
+    errors = after - target - (before - mean) @ theta.T
     residual = errors.T @ errors / max(len(before) - unknowns, 1)
     return _of_rows(theta, target - theta @ mean, n, residual)
 

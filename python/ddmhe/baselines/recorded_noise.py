@@ -14,7 +14,6 @@ import scipy.linalg
 from numpy.typing import NDArray
 
 from ddmhe._core import History
-from ddmhe.baselines.base import inputs
 from ddmhe.baselines.linear_model import LinearModel
 from ddmhe.baselines.tol import LEAST_NOISE, LEAST_SHARE
 
@@ -46,7 +45,7 @@ def recorded_noise(history: History, model: LinearModel) -> tuple[Array, Array]:
     )
     parts = [
         (x / size[:n], y / size[n:], u)
-        for (x, y), u in zip(history.recordings, inputs(history), strict=True)
+        for (x, y), u in zip(history.recordings, history.inputs, strict=True)
     ]
     splits = [_split(unit, share) for share in SHARES]
     likely = [log_likelihood(unit, parts, *split) for split in splits]
