@@ -223,7 +223,8 @@ def test_too_few_samples_for_the_effects_of_inputs():
 
 @pytest.mark.parametrize("name", [*MAKERS, "model"])
 def test_an_input_that_never_changed_is_told_from_nothing_and_refused_by_nobody(name):
-    make = MAKERS.get(name, lambda h: ModelMhe(h, 5, 0.9, 1.0))
+    others = {"model": lambda h: ModelMhe(h, 5, 0.9, 1.0), "fir": RidgeFir}
+    make = (MAKERS | others)[name]
     history, Y, U, _ = forced_case(11, noise=0.02)
     (x, y), u = history.recordings[0], history.inputs[0]
     still = ddmhe.History(x, y, 0.1, u=np.column_stack([u, np.full(len(u), 3.0)]))
@@ -232,4 +233,4 @@ def test_an_input_that_never_changed_is_told_from_nothing_and_refused_by_nobody(
     if name == "eskf-linear":  # a constant input is the offset that this model lacks
         assert np.isfinite(found).all()
     else:
-        np.testing.assert_allclose(found, expected, atol=1e-4 * np.abs(expected).max())
+        np.testing.assert_allclose(found, expected, atol=1e-3 * np.abs(expected).max())
