@@ -125,6 +125,18 @@ def test_the_papers_satellite_runs_and_is_promised_nothing():
     assert np.abs(log.x - later.x[201:]).max() < 0.2 * np.abs(later.x).max()
 
 
+def test_a_rank_of_C_that_is_noise_is_no_rank():
+    """An output that shows noise alone: the fitted C has rank n, and any gain would pass there."""
+    rng = np.random.default_rng(8)
+    full = full_output_system(rng, m=0)
+    C = full.C * np.array([[1.0], [1.0], [0.0]])
+    found = algorithm1(history(Driven(full.A, full.B, full.e, C, full.D, full.r), rng, noise=1e-3))
+    assert np.linalg.matrix_rank(found.model.C) == 3
+    assert "(24) is impossible" in found.words
+    assert found.design is found.printed
+    assert found.certificate is None
+
+
 def test_without_a_feasible_design_there_is_no_estimator():
     """One output of an exact recording: (44) fails, and (24) is impossible."""
     rng = np.random.default_rng(4)

@@ -19,6 +19,15 @@ CERTIFICATE = design.ioss(A=A, C=C, eta=0.95)
 NOISE = design.RecordingNoise(y=9.0, w=9.0)
 DRIVEN = ddmhe.History(X, Y, u=np.random.default_rng(5).standard_normal(Y.shape))
 
+
+def short_history():
+    """n + p differences whose outputs show both states: Algorithm 2 has a gain for it at once."""
+    x = np.array([np.linalg.matrix_power(A, k) @ [1.0, 0.0] for k in range(6)])
+    x += 1e-6 * np.random.default_rng(0).standard_normal(x.shape)
+    y = x[:-1] @ np.array([[1.0, 0.3], [0.0, 1.0]]).T
+    return ddmhe.History(x, y + 1e-6 * np.random.default_rng(1).standard_normal(y.shape))
+
+
 CALLS = {
     "History": (ddmhe.History, {"x": X, "y": Y, "dt": 0.1}),
     "History with inputs": (ddmhe.History, {"x": X, "y": Y, "u": Y}),
@@ -92,7 +101,10 @@ CALLS = {
         design.ioss,
         {"history": H, "eta": 0.95, "condition": None, "noise": None, "gains": (1.0, 1.0)},
     ),
-    "ioss of a system": (lambda A, C: design.ioss(A=A, C=C, eta=0.95), {"A": A, "C": C}),
+    "ioss of a system": (
+        lambda **given: design.ioss(**given, eta=0.95),
+        {"A": A, "C": C, "B": np.eye(2), "D": np.zeros((1, 2))},
+    ),
     "scalar_certificate": (
         design.scalar_certificate,
         {"A": 0.1 * A, "C": C, "gain": np.zeros((2, 1)), "rho": 0.9, "mu": 10.0},
@@ -109,6 +121,26 @@ CALLS = {
             "step": 0.5,
             "attempts": 1,
         },
+    ),
+    "algorithm1": (
+        design.algorithm1,
+        {
+            "history": short_history(),
+            "radius": 0.9,
+            "rho": 0.6,
+            "mu": 100.0,
+            "horizon": 3,
+            "Q": np.eye(2),
+            "R": np.eye(2),
+            "region": None,
+            "disturbance": (0.1, 0.0, 0.1),
+            "x_prior": [0.0, 0.0],
+        },
+    ),
+    "AffineModel.to_control": (design.identify(H).to_control, {"offsets": True}),
+    "AffineModel.from_control": (
+        design.AffineModel.from_control,
+        {"sys": design.identify(H).to_control()},
     ),
     "RecordingNoise": (
         design.RecordingNoise,

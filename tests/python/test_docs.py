@@ -1,9 +1,10 @@
-"""The README's code does what it says."""
+"""Code in the README and the docs does what it says."""
 
 import re
 from pathlib import Path
 
-README = (Path(__file__).parents[2] / "README.md").read_text(encoding="utf-8")
+ROOT = Path(__file__).parents[2]
+README = (ROOT / "README.md").read_text(encoding="utf-8")
 
 
 def test_python_example_runs(capsys):
@@ -15,3 +16,13 @@ def test_python_example_runs(capsys):
     assert "['optimal']" in printed
     assert "Guaranteed for every system" in printed
     assert float(re.search(r"largest error (\S+)", printed)[1]) < 1e-6  # of speeds of size 1
+
+
+def test_the_paper_in_one_call_as_the_docs_have_it(capsys):
+    text = (ROOT / "docs" / "design.md").read_text(encoding="utf-8")
+    blocks = re.findall(r"```python\n(.*?)```", text, re.DOTALL)
+    assert len(blocks) == 1
+    exec(compile(blocks[0], "design.md", "exec"), {})
+    printed = capsys.readouterr().out
+    assert "Theorem 2 applies: True" in printed
+    assert "errors within their bounds: True" in printed

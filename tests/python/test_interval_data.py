@@ -153,3 +153,14 @@ def test_wrong_input_for_a_recording_is_an_error_of_this_package(call, error, wo
 def scaled(h, factor):
     ((x, y, *_),) = h.recordings
     return ddmhe.History(factor * x, factor * y)
+
+
+def test_inputs_are_refused_in_one_sentence():
+    """Intervals from data know no inputs; what these do would pass for motion of the states."""
+    rng = np.random.default_rng(0)
+    u, x = rng.standard_normal((60, 1)), [np.zeros(2)]
+    for k in range(60):
+        x.append(np.array([[0.9, 0.1], [-0.1, 0.8]]) @ x[-1] + [0.3, 0.1] * u[k])
+    history = ddmhe.History(np.array(x), np.array(x)[:-1, :1], u=u)
+    with pytest.raises(ddmhe.DdmheError, match="history: expected a recording without inputs"):
+        ddmhe.interval.from_history(history, 1.0, 1.0)

@@ -29,6 +29,7 @@ from ddmhe._core import (
     History,
     InfeasibleError,
     RankReport,
+    check_settings,
     minimum_horizon,
 )
 from ddmhe.checks import check_history, check_number, check_whole
@@ -210,6 +211,8 @@ def algorithm1(
     for name in OWN:
         if name in settings:
             raise DdmheError(f"{name}: expected none beside Algorithm 1's own rho and mu, found it")
+    given = {"rho": rho, "mu": mu, "horizon": horizon, **settings}
+    check_settings({name: value for name, value in given.items() if value is not None}, history)
     printed = pole_placement(history, radius, Q=Q, R=R, region=region)
     model = identify(history)
     design = _design(printed, model, {"radius": radius, "Q": Q, "R": R, "region": region})

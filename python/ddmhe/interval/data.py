@@ -207,6 +207,11 @@ def _orthonormal(history: History) -> tuple[Array, Array, Array, Array]:
     (x, 1), targets."""
     if not isinstance(history, History):
         raise DdmheError(f"history: expected a History, found {type(history).__name__}")
+    if history.m:
+        raise DdmheError(
+            f"history: expected a recording without inputs, found m = {history.m}; give a System "
+            "with B, or history.without_inputs() where they did not act"
+        )
     n = history.n
     X0, targets = samples(history)
     largest = max(float(np.abs(X0).max()), float(np.abs(targets).max()))
