@@ -88,7 +88,9 @@ impl DdMhe {
     /// # Errors
     /// [`Error::Shape`] or [`Error::NotFinite`] (infinite entry); the estimator is then unchanged.
     pub fn step(&mut self, y: &[f64]) -> Result<&Estimate, Error> {
-        self.step_with(Step { y, ..Step::default() })
+        check_output(y, self.design.history.p())?;
+        self.check_inputs("u", &[], 1)?;
+        Ok(self.advance(y, &[], None))
     }
 
     /// [`step`](Self::step) with what else belongs to it: the known inputs, and other state bounds
@@ -303,7 +305,16 @@ impl DdMhe {
     }
 
     /// Inputs of so many samples, all known.
+    #[inline(always)]
     fn check_inputs(&self, argument: &'static str, u: &[f64], samples: usize) -> Result<(), Error> {
+        if self.design.history.m() == 0 && u.is_empty() {
+            return Ok(());
+        }
+        self.check_known(argument, u, samples)
+    }
+
+    #[cold]
+    fn check_known(&self, argument: &'static str, u: &[f64], samples: usize) -> Result<(), Error> {
         let m = self.design.history.m();
         if u.len() != samples * m {
             let expected = match (m, samples) {

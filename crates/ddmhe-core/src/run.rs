@@ -227,7 +227,9 @@ impl Run {
         (estimate.active, estimate.iterations) = (active, iterations);
         self.t += 1;
         design.watch.note(&mut self.seen, y, self.t);
-        design.input_watch.note(&mut self.seen_inputs, self.memory.window_inputs(), self.t);
+        if design.history.m() > 0 {
+            design.input_watch.note(&mut self.seen_inputs, self.memory.window_inputs(), self.t);
+        }
         if self.start == Start::Unknown && self.t == layout.depth {
             smooth(&design.ground.shared(), &mut self.memory, &self.estimate.window);
         }

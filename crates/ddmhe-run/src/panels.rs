@@ -73,7 +73,7 @@ impl<'a> Panels<'a> {
         let (start, mut left) = (start.as_chunks::<WIDTH>().0, self.data);
         for (start, out) in start.iter().zip(out.as_chunks_mut::<WIDTH>().0) {
             let Some((panel, others)) = left.split_at_checked(self.columns) else { return };
-            *out = product::<1>(*start, panel, x);
+            *out = running(*start, panel, x);
             left = others;
         }
     }
@@ -84,7 +84,7 @@ impl<'a> Panels<'a> {
         let end = first + x.len();
         let panels = self.data.chunks_exact(self.columns);
         for (panel, out) in panels.zip(out.as_chunks_mut::<WIDTH>().0) {
-            *out = product::<1>(*out, &panel[first..end], x);
+            *out = running(*out, &panel[first..end], x);
         }
         end
     }
@@ -123,6 +123,22 @@ impl<'a> Panels<'a> {
             left = others;
         }
     }
+}
+
+/// start + Σ_j column_j x_j, in one sum; four columns a turn.
+#[inline(always)]
+fn running(start: [f64; WIDTH], columns: &[Column], x: &[f64]) -> [f64; WIDTH] {
+    let mut sum = start;
+    let (columns, x) = (columns.as_chunks::<4>(), x.as_chunks::<4>());
+    for (columns, x) in columns.0.iter().zip(x.0) {
+        for (column, x) in columns.iter().zip(x) {
+            add(&mut sum, column, *x);
+        }
+    }
+    for (column, x) in columns.1.iter().zip(x.1) {
+        add(&mut sum, column, *x);
+    }
+    sum
 }
 
 /// start + Σ_j column_j x_j, in SUMS interleaved sums.
@@ -246,6 +262,12 @@ pub fn margins(values: &[f64], lo: &[f64], hi: &[f64]) -> [f64; WIDTH] {
 #[inline(always)]
 pub fn smaller(a: f64, b: f64) -> f64 {
     if a < b { a } else { b }
+}
+
+/// The larger one, b if a is NaN.
+#[inline(always)]
+pub fn larger(a: f64, b: f64) -> f64 {
+    if a > b { a } else { b }
 }
 
 /// Σ w v².

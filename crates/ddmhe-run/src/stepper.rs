@@ -65,13 +65,15 @@ pub struct Pass<'a, B, F> {
 }
 
 impl<B: AsRef<[f64]> + AsMut<[f64]>, F: Fallback> Pass<'_, B, F> {
-    /// Takes y(t-1), NaN where not measured, and u(t-1) into the window and finds its minimiser; states and
-    /// noise are in the answer then.
+    /// Takes y(t-1), NaN where not measured, and u(t-1) into the window and finds its minimiser;
+    /// states and noise are in the answer then.
     #[inline(always)]
     pub fn consume(&mut self, y: &[f64], u: &[f64], out: &mut Answer<'_>) -> Found {
         let shared = &self.problem.shared;
         let missing = self.memory.push_output(shared.output_deviations(y));
-        self.memory.push_input(shared.input_deviations(u));
+        if shared.sizes.m > 0 {
+            self.memory.push_input(shared.input_deviations(u));
+        }
         let depth = self.problem.depth.layout.depth;
         if self.memory.depth() != depth {
             self.memory.deepen(depth);

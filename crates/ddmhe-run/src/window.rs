@@ -19,7 +19,7 @@
 use crate::active_set::problem::{LeastDistance, Trust, Windows};
 use crate::active_set::working_set::WorkingSet;
 use crate::fallback::{Fallback, decide};
-use crate::panels::{WIDTH, each, halve, margins, scaled_difference, smaller, sum};
+use crate::panels::{WIDTH, each, margins, scaled_difference, smaller, sum};
 use crate::plan::common::Limits;
 use crate::problem::{Data, Scratch, WindowProblem, WindowSolution};
 use crate::status::Status;
@@ -211,25 +211,12 @@ impl WindowProblem<'_> {
     /// Number of bounds that the window in the scratch touches.
     #[inline(always)]
     fn count_active(&self, s: &Scratch<'_>) -> usize {
-        let len = self.depth.layout.apart();
-        let (lo, hi) = (&s.lo[..len], &s.hi[..len]);
-        let mut count = [0.0; WIDTH];
-        let chunks = s
-            .window
-            .as_chunks::<WIDTH>()
-            .0
-            .iter()
-            .zip(lo.as_chunks::<WIDTH>().0)
-            .zip(hi.as_chunks::<WIDTH>().0);
-        let unit = self.rows.unit;
-        for (((w, lo), hi), unit) in chunks.zip(unit.as_chunks::<WIDTH>().0) {
-            let below = each(*w, *lo, |w, l| (w - l).abs());
-            let above = each(*w, *hi, |w, h| (w - h).abs());
-            let near =
-                each(each(below, above, smaller), *unit, |d, unit| d - tol::ACTIVE_SET * unit);
-            count = each(count, near, |count, near| if near <= 0.0 { count + 1.0 } else { count });
+        let mut count = 0_u64;
+        for (((w, lo), hi), unit) in s.window.iter().zip(&*s.lo).zip(&*s.hi).zip(self.rows.unit) {
+            let distance = smaller((w - lo).abs(), (w - hi).abs());
+            count += u64::from(distance - tol::ACTIVE_SET * unit <= 0.0);
         }
-        halve(count, |a, b| a + b) as usize
+        count as usize
     }
 
     /// The mean window in the place of one that cannot be computed.

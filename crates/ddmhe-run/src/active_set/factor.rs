@@ -25,6 +25,7 @@ pub(super) struct Work<'a> {
 }
 
 impl<'a> Work<'a> {
+    #[inline(always)]
     pub fn new(memory: &'a mut [f64], r: usize) -> Self {
         let stride = Rows::stride_of(r);
         let (q, memory) = memory.split_at_mut(r * stride);

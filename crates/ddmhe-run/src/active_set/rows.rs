@@ -1,7 +1,7 @@
 //! The rows of a window that bounds may be set on.
 
 use crate::active_set::working_set::ActiveBound;
-use crate::panels::{Root, WIDTH, each};
+use crate::panels::{Root, WIDTH, each, halve, larger};
 use crate::tol;
 
 /// The rows c + A z, padded to whole panels with rows that are always 0.
@@ -91,8 +91,8 @@ impl Rows<'_> {
     /// tolerance so many times.
     #[inline(always)]
     pub fn worst(&self, w: &[f64], lo: &[f64], hi: &[f64], times: f64) -> Option<ActiveBound> {
-        // lane by lane: the largest excess and the chunk of eight rows that it is in
-        let (mut most, mut at) = ([0.0_f64; WIDTH], [0.0_f64; WIDTH]);
+        // lane by lane: the largest excess; where that is, only if there is one
+        let mut most = [0.0_f64; WIDTH];
         let chunks = w
             .as_chunks::<WIDTH>()
             .0
@@ -101,23 +101,21 @@ impl Rows<'_> {
             .zip(hi.as_chunks::<WIDTH>().0);
         let rows =
             self.slack.as_chunks::<WIDTH>().0.iter().zip(self.inverse.as_chunks::<WIDTH>().0);
-        let mut chunk = 0.0;
         for (((w, lo), hi), (slack, inverse)) in chunks.zip(rows) {
             let (below, above) = (each(*lo, *w, |l, w| l - w), each(*w, *hi, |w, h| w - h));
-            let excess =
-                each(below, above, |below, above| if below > above { below } else { above });
-            let excess =
-                each(each(excess, *slack, |e, slack| e - slack * times), *inverse, |e, inverse| {
-                    e * inverse
-                });
-            let larger = each(excess, most, |e, most| if e > most { 1.0 } else { 0.0 });
-            at = each(at, larger, |at, larger| if larger > 0.0 { chunk } else { at });
-            most = each(most, excess, |most, e| if e > most { e } else { most });
-            chunk += WIDTH as f64;
+            let excess = each(each(below, above, larger), *slack, |e, slack| e - slack * times);
+            most = each(each(excess, *inverse, |e, inverse| e * inverse), most, larger);
+        }
+        if !(halve(most, larger) > 0.0) {
+            return None;
         }
         let lane = (1..WIDTH).fold(0, |best, i| if most[i] > most[best] { i } else { best });
-        let row = at[lane] as usize + lane;
-        let sign = if most[lane] > 0.0 && lo[row] - w[row] < w[row] - hi[row] { -1.0 } else { 1.0 };
-        (most[lane] > 0.0).then_some(ActiveBound { row, sign })
+        let excess = |row: &usize| {
+            let excess = larger(lo[*row] - w[*row], w[*row] - hi[*row]);
+            (excess - self.slack[*row] * times) * self.inverse[*row]
+        };
+        let row = (lane..self.len()).step_by(WIDTH).find(|row| excess(row) == most[lane])?;
+        let sign = if lo[row] - w[row] < w[row] - hi[row] { -1.0 } else { 1.0 };
+        Some(ActiveBound { row, sign })
     }
 }
