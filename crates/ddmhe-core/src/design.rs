@@ -260,8 +260,15 @@ impl Source<'_> {
         let horizon = space.depth;
         let filled = filled(history, start, horizon);
         let shorter = &depths(config, horizon, filled)[1..];
-        let made = shorter.iter().rev().map(|depth| self.draft(*depth, &selection));
-        let (spaces, mut drafts) = made.collect::<Result<(Vec<_>, Vec<_>), _>>()?;
+        let (mut spaces, mut drafts) = (Vec::new(), Vec::new());
+        // the largest first: the next ones find room where its temporary matrices were
+        for depth in shorter {
+            let (space, draft) = self.draft(*depth, &selection)?;
+            drafts.push(draft);
+            spaces.extend((start == Start::Unknown).then_some(space));
+        }
+        drafts.reverse();
+        spaces.reverse();
         drafts.push(draft);
         let (count, rank) = (drafts.len(), drafts.iter().map(Draft::rank).max().unwrap_or(0));
         let opening = match start {

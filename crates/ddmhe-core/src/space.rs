@@ -38,7 +38,10 @@ use crate::response::OwnResponse;
 use crate::scaling::Scaling;
 use crate::tol;
 use crate::variation::{Rest, copies};
-use faer::{Mat, MatRef};
+use faer::diag::Diag;
+use faer::dyn_stack::{MemBuffer, MemStack, StackReq};
+use faer::linalg::svd::{ComputeSvdVectors, svd, svd_scratch};
+use faer::{Mat, MatRef, Par, Spec};
 use serde::{Deserialize, Serialize};
 use std::cell::RefCell;
 use std::rc::Rc;
@@ -141,6 +144,7 @@ pub(crate) struct WindowStack<'a> {
     R: Mat<f64>, // of the windows of `depth`: min(N, 1+d) × (1+d)
     // and its depth: settings are tried at one depth after another
     latest: RefCell<Option<(usize, Rc<Decomposed>)>>,
+    room: RefCell<MemBuffer>, // of the decompositions
 }
 
 /// The centred windows of one depth.
@@ -167,6 +171,7 @@ impl<'a> WindowStack<'a> {
             depth,
             R: Mat::zeros(0, 0),
             latest: RefCell::default(),
+            room: RefCell::new(MemBuffer::new(StackReq::EMPTY)),
         };
         let rows = stack.rows(depth, 0);
         stack.R = upper(rows.as_ref(), rows.ncols());
@@ -206,6 +211,7 @@ impl<'a> WindowStack<'a> {
             .filter(|(of, _)| *of == depth)
             .map(|(_, windows)| Rc::clone(windows));
         let windows = latest.unwrap_or_else(|| {
+            self.latest.take(); // its place is needed
             let windows = Rc::new(self.decomposed(depth));
             self.latest.replace(Some((depth, Rc::clone(&windows))));
             windows
@@ -246,8 +252,10 @@ impl<'a> WindowStack<'a> {
         }
         let windows = recorded + copies;
         let R = upper(stacked.as_ref(), 1 + d);
+        drop((late, stacked));
         let mean = (0..d).map(|j| R[(0, 1 + j)] / R[(0, 0)]).collect();
-        let (U, sigma) = right_singular(R.submatrix(1, 1, R.nrows() - 1, d));
+        let factor = R.submatrix(1, 1, R.nrows() - 1, d);
+        let (U, sigma) = right_singular(factor, &mut self.room.borrow_mut());
         Decomposed { windows, mean, U, sigma }
     }
 }
@@ -314,12 +322,25 @@ fn select(
 }
 
 /// Right singular vectors (as columns) and singular values, largest first.
-fn right_singular(A: MatRef<'_, f64>) -> (Mat<f64>, Vec<f64>) {
-    if A.nrows() == 0 {
-        return (Mat::zeros(A.ncols(), 0), Vec::new());
+///
+/// One room serves all depths and is given back last: an allocator that gets large pieces back
+/// between what stays keeps them, and pieces of their size, for itself.
+fn right_singular(A: MatRef<'_, f64>, room: &mut MemBuffer) -> (Mat<f64>, Vec<f64>) {
+    let (rows, columns) = A.shape();
+    if rows == 0 {
+        return (Mat::zeros(columns, 0), Vec::new());
     }
-    match A.thin_svd() {
-        Ok(svd) => (svd.V().to_owned(), svd.S().column_vector().iter().copied().collect()),
+    let (thin, par, size) = (ComputeSvdVectors::Thin, Par::Seq, rows.min(columns));
+    let (mut U, mut V) = (Mat::zeros(rows, size), Mat::zeros(columns, size));
+    let mut S = Diag::zeros(size);
+    let needed = svd_scratch::<f64>(rows, columns, thin, thin, par, Spec::default());
+    if room.len() < needed.size_bytes() {
+        *room = MemBuffer::new(StackReq::EMPTY); // before the next one: not both at once
+        *room = MemBuffer::new(needed);
+    }
+    let (stack, params) = (MemStack::new(room), Spec::default());
+    match svd(A, S.as_mut(), Some(U.as_mut()), Some(V.as_mut()), par, stack, params) {
+        Ok(()) => (V, S.column_vector().iter().copied().collect()),
         // The iteration has no known failure on finite data; an empty space is reported by the
         // caller as a rank error.
         Err(_) => (Mat::zeros(A.ncols(), 0), Vec::new()),
