@@ -137,9 +137,14 @@ fn a_lost_output_that_has_left_the_window_leaves_nothing_behind() {
         let mut mhe = DdMhe::new(&history, settings).unwrap();
         let mut active = 0;
         for (k, y) in outputs.chunks(p).enumerate() {
-            let mut restored = DdMhe::restore(&mhe.snapshot()).unwrap();
-            let (again, step) = (restored.step(y).unwrap(), mhe.step(y).unwrap());
-            assert_eq!(format!("{again:?}"), format!("{step:?}"), "{k}");
+            // without optimisation only about the windows with lost outputs
+            let compared = !cfg!(debug_assertions) || (38..60).contains(&k);
+            let restored = compared.then(|| DdMhe::restore(&mhe.snapshot()).unwrap());
+            let step = mhe.step(y).unwrap();
+            if let Some(mut restored) = restored {
+                let again = restored.step(y).unwrap();
+                assert_eq!(format!("{again:?}"), format!("{step:?}"), "{k}");
+            }
             active += usize::from(step.active > 0);
         }
         assert!(active > 30 || size < 0.5, "{size} {active}");

@@ -113,7 +113,7 @@ fn a_reset_estimator_is_a_new_one() {
             Config { x_prior: Some(elsewhere.clone()), start: Start::State, ..config };
         let expected_elsewhere = seen(&mut DdMhe::new(&history, from_elsewhere).unwrap(), &outputs);
         let mut mhe = fresh.clone();
-        for round in 0..if cfg!(debug_assertions) { 8 } else { 40 } {
+        for round in 0..if cfg!(debug_assertions) { 4 } else { 40 } {
             for _ in 0..rng.random_range(1..60) {
                 let k = 3 * rng.random_range(0..60);
                 use_it(&mut mhe, &outputs[k..k + 3], &mut rng);
@@ -139,7 +139,7 @@ fn a_copy_and_a_restored_estimator_go_on_as_the_original_does() {
     let mut rng = ChaCha8Rng::seed_from_u64(1);
     for config in configs() {
         let mut mhe = DdMhe::new(&history, config).unwrap();
-        for round in 0..if cfg!(debug_assertions) { 6 } else { 30 } {
+        for round in 0..if cfg!(debug_assertions) { 3 } else { 30 } {
             for _ in 0..rng.random_range(1..25) {
                 let k = 3 * rng.random_range(0..60);
                 use_it(&mut mhe, &outputs[k..k + 3], &mut rng);

@@ -78,11 +78,13 @@ fn hostile_content_is_harmless() {
     let mhe = running();
     let y = vec![0.1; mhe.p()];
     let mut rng = ChaCha8Rng::seed_from_u64(7);
+    // a fifth without optimisation
+    let share = if cfg!(debug_assertions) { 5 } else { 1 };
     for (blob, of_estimator) in [(mhe.snapshot(), true), (mhe.history().to_bytes(), false)] {
         let (mut restored, mut read) = (0, 0);
-        for trial in 0..6000 {
+        for trial in 0..6000 / share {
             let mut hostile = blob.clone();
-            let at = 20 + trial % (blob.len() - 20);
+            let at = 20 + share * trial % (blob.len() - 20);
             match trial % 4 {
                 0 => hostile[at] = rng.random(),
                 1 => hostile[at] ^= 1 << rng.random_range(0..8),
@@ -114,6 +116,6 @@ fn hostile_content_is_harmless() {
         }
         // many changes are harmless; bytes of the one are never taken for the other
         let (taken, foreign) = if of_estimator { (restored, read) } else { (read, restored) };
-        assert!(taken > 500 && foreign == 0, "{taken} {foreign}");
+        assert!(share * taken > 500 && foreign == 0, "{taken} {foreign}");
     }
 }
