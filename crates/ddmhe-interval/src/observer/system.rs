@@ -88,21 +88,36 @@ pub(super) fn checked(
         ("v_radius", &system.v_radius, nv),
         ("x0_radius", x0_radius, n),
     ] {
-        check_vector(name, radius, length)?;
-        if let Some(r) = radius.iter().find(|r| **r < 0.0) {
-            return Err(Error::value(name, "radii of at least 0", r));
-        }
+        check_radius(name, radius, length)?;
     }
-    for (name, j) in [("j_lo", &system.j_lo), ("j_hi", &system.j_hi)] {
+    check_jacobian(&system, n)?;
+    Ok((system, checked_gain(gain, n)?))
+}
+
+fn check_radius(name: &'static str, radius: &[f64], length: usize) -> Result<(), Error> {
+    check_vector(name, radius, length)?;
+    match radius.iter().find(|r| **r < 0.0) {
+        None => Ok(()),
+        Some(r) => Err(Error::value(name, "radii of at least 0", r)),
+    }
+}
+
+/// Bounds of the Jacobian (n × n each).
+fn check_jacobian(System { j_lo, j_hi, .. }: &System, n: usize) -> Result<(), Error> {
+    for (name, j) in [("j_lo", j_lo), ("j_hi", j_hi)] {
         if j.len() != n * n {
             return Err(Error::shape(name, format!("{} numbers", n * n), j.len()));
         }
     }
-    if let Some(k) = (0..n * n).find(|&k| Interval::new(system.j_lo[k], system.j_hi[k]).is_none()) {
-        let found =
-            format!("{} and {} in row {}, column {}", system.j_lo[k], system.j_hi[k], k / n, k % n);
+    if let Some(k) = (0..n * n).find(|&k| Interval::new(j_lo[k], j_hi[k]).is_none()) {
+        let found = format!("{} and {} in row {}, column {}", j_lo[k], j_hi[k], k / n, k % n);
         return Err(Error::value("j_lo", "numbers not above those of j_hi", found));
     }
+    Ok(())
+}
+
+/// Its scalars and weights, 1 each by default.
+fn checked_gain(mut gain: Gain, n: usize) -> Result<Gain, Error> {
     if !(gain.lambda > 0.0 && gain.lambda < 1.0) {
         return Err(Error::value("lambda", "a number in (0, 1)", gain.lambda));
     }
@@ -111,7 +126,6 @@ pub(super) fn checked(
             return Err(Error::value(name, "a number of at least 0", mu));
         }
     }
-    let mut gain = gain;
     if gain.weights.is_empty() {
         gain.weights = vec![1.0; n];
     }
@@ -119,5 +133,5 @@ pub(super) fn checked(
     if let Some(s) = gain.weights.iter().find(|s| !(**s > 0.0)) {
         return Err(Error::value("weights", "positive numbers", s));
     }
-    Ok((system, gain))
+    Ok(gain)
 }

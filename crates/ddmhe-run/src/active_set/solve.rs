@@ -67,13 +67,7 @@ impl<W: Windows> LeastDistance<'_, W> {
             return Outcome::Uncertain;
         }
         self.missing(&kept.sides, work);
-        loop {
-            let k = kept.sides.len();
-            work.point(k);
-            match (0..k).min_by(|&a, &b| work.u[a].total_cmp(&work.u[b])) {
-                Some(j) if work.u[j] < 0.0 => work.drop(j, &mut kept.sides),
-                _ => break,
-            }
+        while drop_negative(&mut kept.sides, work) {
             (changes, rotated) = (changes + 1, true);
         }
         let most = tol::ACTIVE_SET_CHANGES as u32 + 4 * self.rows.r as u32;
@@ -144,13 +138,7 @@ impl<W: Windows> LeastDistance<'_, W> {
             let k = sides.len();
             let length = work.split(k);
             work.solve_upper(k);
-            // how far until an active row's multiplier is 0
-            let (mut partial, mut blocking) = (f64::INFINITY, usize::MAX);
-            for j in 0..k {
-                if work.back[j] > tol::MULTIPLIER && work.u[j] / work.back[j] < partial {
-                    (partial, blocking) = (work.u[j] / work.back[j], j);
-                }
-            }
+            let (partial, blocking) = blocking(work, k);
             let ratio = length.root() / norm;
             let dependent = k == self.rows.r || ratio <= self.trust.dependent.0;
             if !dependent && ratio < self.trust.dependent.1 {
@@ -330,4 +318,29 @@ impl<W: Windows> LeastDistance<'_, W> {
         }
         signs && accurate && at_bounds && self.inside(w)
     }
+}
+
+/// The point on the active bounds; whether one of them, that with the smallest multiplier, was
+/// dropped because that is negative.
+#[inline(always)]
+fn drop_negative(sides: &mut Sides<'_>, work: &mut Work<'_>) -> bool {
+    let k = sides.len();
+    work.point(k);
+    match (0..k).min_by(|&a, &b| work.u[a].total_cmp(&work.u[b])) {
+        Some(j) if work.u[j] < 0.0 => work.drop(j, sides),
+        _ => return false,
+    }
+    true
+}
+
+/// How far until the multiplier of one of k active bounds is 0, and of which; else infinite.
+#[inline(always)]
+fn blocking(work: &Work<'_>, k: usize) -> (f64, usize) {
+    let (mut partial, mut blocking) = (f64::INFINITY, usize::MAX);
+    for j in 0..k {
+        if work.back[j] > tol::MULTIPLIER && work.u[j] / work.back[j] < partial {
+            (partial, blocking) = (work.u[j] / work.back[j], j);
+        }
+    }
+    (partial, blocking)
 }
