@@ -1,9 +1,11 @@
 """Memory and construction of deep windows: python benches/memory.py
 
 Each case runs in a process of its own; memory is what the process holds beside what it held before
-the estimator was made, once the window is full.
+the estimator was made, once the window is full: resident, and without what the C library's
+allocator keeps for later (in use; glibc only).
 """
 
+import ctypes
 import gc
 import subprocess
 import sys
@@ -27,6 +29,36 @@ def held() -> float:
     return int(pages) * 4096 / 1e6
 
 
+class Allocated(ctypes.Structure):
+    """What glibc's mallinfo2 tells, in bytes."""
+
+    _fields_ = [
+        (name, ctypes.c_size_t)
+        for name in (
+            "arena",
+            "ordblks",
+            "smblks",
+            "hblks",
+            "hblkhd",
+            "usmblks",
+            "fsmblks",
+            "uordblks",
+            "fordblks",
+            "keepcost",
+        )
+    ]
+
+
+def in_use() -> float:
+    """What was allocated and not given back, in megabytes; NaN without glibc 2.33."""
+    mallinfo2 = getattr(ctypes.CDLL(None), "mallinfo2", None)
+    if mallinfo2 is None:
+        return float("nan")
+    mallinfo2.restype = Allocated
+    allocated = mallinfo2()
+    return (allocated.uordblks + allocated.hblkhd) / 1e6
+
+
 def measure(name: str, start: str) -> None:
     """One row of the table."""
     T, units, M = CASES[name]
@@ -35,16 +67,20 @@ def measure(name: str, start: str) -> None:
     history = ddmhe.History(motion.x[: T + 1], motion.y[:T], dt=0.1, **kinds)
     ddmhe.DdMhe(history, horizon=5)  # libraries and their buffers
     gc.collect()
-    before, begin = held(), time.perf_counter()
+    before, used, begin = held(), in_use(), time.perf_counter()
     estimator = ddmhe.DdMhe(history, horizon=M, start=start)
     seconds = time.perf_counter() - begin
     estimator.run(motion.y[T : T + M + 50])
-    print(f"| {name} | {start} | {held() - before:.1f} | {seconds:.2f} |")
+    memory = f"{held() - before:.1f} | {in_use() - used:.1f}"
+    print(f"| {name} | {start} | {memory} | {seconds:.2f} |")
 
 
 def main() -> None:
     """All cases as a table."""
-    print("| | start | MB | construction, s |\n|---|---|--:|--:|", flush=True)
+    print(
+        "| | start | resident, MB | in use, MB | construction, s |\n|---|---|--:|--:|--:|",
+        flush=True,
+    )
     for name in CASES:
         for start in STARTS:
             subprocess.run([sys.executable, __file__, name, start], check=True)
