@@ -201,18 +201,14 @@ impl Source<'_> {
 
     /// With the rule's weight on ‖α‖² raised until errors do not grow.
     fn deepest(&self, rule: &Defaults, horizon: usize) -> Result<Deepest, Error> {
-        let mut selection = select(&self.config.space, rule, self.weights, self.history.n());
-        let (mut space, mut draft) = self.draft(horizon, &selection)?;
-        check_ridge(self.weights, self.config, space.lambda)?;
-        let mut radius = spectral_radius(&draft);
-        for _ in 0..tol::GUARD {
-            let guarded = self.config.space == Space::Auto && !stable(radius);
-            let Some(heavier) = selection.heavier().filter(|_| guarded) else { break };
-            selection = heavier;
-            (space, draft) = self.draft(horizon, &selection)?;
-            radius = spectral_radius(&draft);
-        }
-        Ok(Deepest { space, draft, selection, radius })
+        let selection = select(&self.config.space, rule, self.weights, self.history.n());
+        let lambda = self.stack.space(horizon, &selection).lambda;
+        check_ridge(self.weights, self.config, lambda)?;
+        guarded(self.config, selection, |selection| {
+            let (space, draft) = self.draft(horizon, &selection)?;
+            let radius = spectral_radius(&draft);
+            Ok((radius, Deepest { space, draft, selection, radius }))
+        })
     }
 
     fn settings(&self, space: &TrajectorySpace) -> Settings {
@@ -307,6 +303,23 @@ impl Source<'_> {
             warnings,
         })
     }
+}
+
+/// What is made of a selection, with the weight of the default rule raised until errors do not
+/// grow; `make` tells the spectral radius too.
+pub(crate) fn guarded<T, E>(
+    config: &Config,
+    mut selection: Selection,
+    make: impl Fn(Selection) -> Result<(f64, T), E>,
+) -> Result<T, E> {
+    let (mut radius, mut made) = make(selection)?;
+    for _ in 0..tol::GUARD {
+        let grows = config.space == Space::Auto && !stable(radius);
+        let Some(heavier) = selection.heavier().filter(|_| grows) else { break };
+        selection = heavier;
+        (radius, made) = make(selection)?;
+    }
+    Ok(made)
 }
 
 /// Whether the recording may choose the scales too, see [`challenge`].

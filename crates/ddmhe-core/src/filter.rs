@@ -7,8 +7,8 @@
 //! rounding; what goes beyond numbers that can be computed with is left to it.
 
 use crate::config::{Config, Start, validate};
-use crate::defaults::{Defaults, stable};
-use crate::design::{Design, depths, prepared, select};
+use crate::defaults::Defaults;
+use crate::design::{Design, depths, guarded, prepared, select};
 use crate::error::Error;
 use crate::excitation::check_excitation;
 use crate::first_window::filled;
@@ -18,7 +18,7 @@ use crate::mhe::Signals;
 use crate::reduction::gain;
 use crate::response::OwnResponse;
 use crate::scaling::Scaling;
-use crate::space::{Selection, Space, TrajectorySpace, WindowStack};
+use crate::space::{Selection, TrajectorySpace, WindowStack};
 use crate::tol;
 use crate::variation::Rest;
 use crate::weights::Weights;
@@ -179,13 +179,11 @@ impl<'a> Windows<'a> {
         check_weights(&weights, config, self.scaling).ok()?;
         let selection = select(&config.space, rule, &weights, self.history.n());
         check_ridge(&weights, config, self.stack.space(self.horizon, &selection).lambda).ok()?;
-        let mut setting = self.setting(weights, selection)?;
-        for _ in 0..tol::GUARD {
-            let guarded = config.space == Space::Auto && !stable(setting.spectral_radius);
-            let Some(heavier) = setting.selection.heavier().filter(|_| guarded) else { break };
-            setting = self.setting(setting.weights, heavier)?;
-        }
-        Some(setting)
+        guarded(config, selection, |selection| {
+            let setting = self.setting(weights.clone(), selection).ok_or(())?;
+            Ok::<_, ()>((setting.spectral_radius, setting))
+        })
+        .ok()
     }
 
     /// Settings with the maps of the shorter windows that a run begins with.
