@@ -229,14 +229,17 @@ impl<B: AsRef<[f64]> + AsMut<[f64]>> Memory<B> {
         let (y, rest) = rest.split_at_mut(forced.free - forced.y);
         let motion = &mut rest[forced.motion - forced.free..forced.end - forced.free];
         response.forced(&known[inputs], motion);
-        x[..n].copy_from_slice(shared.mean_x);
-        let moved = x[n..].chunks_exact_mut(n).zip(y.chunks_exact_mut(p)).take(self.depth);
-        for ((x, y), instant) in moved.zip(motion.chunks_exact(stride)) {
-            for (i, x) in x.iter_mut().enumerate() {
-                *x = shared.mean_x[i] + instant[i] * shared.s_x[i];
+        // channel by channel: loops over the few channels of each instant cost more than their work
+        let motion = &motion[..self.depth * stride];
+        for (i, (mean, s)) in shared.mean_x.iter().zip(shared.s_x).enumerate() {
+            x[i] = *mean;
+            for (k, instant) in motion.chunks_exact(stride).enumerate() {
+                x[(k + 1) * n + i] = mean + instant[i] * s;
             }
-            for (y, forced) in y.iter_mut().zip(&instant[n..]) {
-                *y = *forced;
+        }
+        for i in 0..p {
+            for (k, instant) in motion.chunks_exact(stride).enumerate() {
+                y[k * p + i] = instant[n + i];
             }
         }
     }

@@ -19,6 +19,29 @@ pub struct Panels<'a> {
     data: &'a [Column],
 }
 
+/// A product of one panel that grows part by part.
+#[derive(Debug)]
+pub struct RunningSum<'a> {
+    columns: &'a [Column],
+    sum: [f64; WIDTH],
+}
+
+impl RunningSum<'_> {
+    /// The next entries of x.
+    #[inline(always)]
+    pub fn add(&mut self, x: &[f64]) {
+        let (columns, rest) = self.columns.split_at(x.len());
+        self.sum = running(self.sum, columns, x);
+        self.columns = rest;
+    }
+
+    /// As many entries that are 0.
+    #[inline(always)]
+    pub fn skip(&mut self, entries: usize) {
+        self.columns = &self.columns[entries..];
+    }
+}
+
 /// `len` rounded up to whole panels.
 #[inline(always)]
 pub const fn padded(len: usize) -> usize {
@@ -78,15 +101,15 @@ impl<'a> Panels<'a> {
         }
     }
 
-    /// out += M x for the columns of M from `first` on; the column behind them.
+    /// out = M x for the columns of M from `first` on, where x is told part by part.
     #[inline(always)]
-    pub fn add(self, first: usize, x: &[f64], out: &mut [f64]) -> usize {
-        let end = first + x.len();
+    pub fn sums(self, first: usize, out: &mut [f64], tell: impl Fn(&mut RunningSum<'_>)) {
         let panels = self.data.chunks_exact(self.columns);
         for (panel, out) in panels.zip(out.as_chunks_mut::<WIDTH>().0) {
-            *out = running(*out, &panel[first..end], x);
+            let mut sum = RunningSum { columns: &panel[first..], sum: [0.0; WIDTH] };
+            tell(&mut sum);
+            *out = sum.sum;
         }
-        end
     }
 
     /// out(k) = M [u(k); out(k-1)] from out(-1) = 0, for a matrix of one panel: its first m columns

@@ -70,18 +70,18 @@ impl<'a> Response<'a> {
         }
         for (k, inputs) in u.chunks_exact(m).enumerate() {
             let (before, now) = motion.split_at_mut(k * stride);
-            let now = &mut now[..stride];
-            now.fill(0.0);
             let oldest = k.min(lag - 1);
-            let mut column = self.sizes.regressors() - (m + n) - oldest * (n + p + m);
-            for j in k - oldest..k {
-                let y = &before[j * stride + n..j * stride + n + p];
-                column = self.theta.add(column, state(before, stride, j, n), now);
-                column = self.theta.add(if j == 0 { column + n } else { column }, y, now);
-                column = self.theta.add(column, &u[j * m..(j + 1) * m], now);
-            }
-            column = self.theta.add(column, inputs, now);
-            self.theta.add(column, state(before, stride, k, n), now);
+            let first = self.sizes.regressors() - (m + n) - oldest * (n + p + m);
+            self.theta.sums(first, &mut now[..stride], |sum| {
+                for j in k - oldest..k {
+                    sum.skip(if j == 0 { n } else { 0 });
+                    sum.add(state(before, stride, j, n));
+                    sum.add(&before[j * stride + n..j * stride + n + p]);
+                    sum.add(&u[j * m..(j + 1) * m]);
+                }
+                sum.add(inputs);
+                sum.add(state(before, stride, k, n));
+            });
         }
     }
 }
