@@ -17,13 +17,11 @@ BOUND = 0.1
 
 
 def log_of(seed, inputs):
-    """A case with bounded online noise and lost outputs, settings, and boxes that hold the
-    truth (wide) or cut it (tight)."""
+    """A case with bounded online noise and lost outputs, settings, and boxes about the truth."""
     case = random_case(seed, inputs=inputs)
     rng = np.random.default_rng(1000 + seed)
     Y = case.Y + rng.uniform(-BOUND, BOUND, case.Y.shape)
-    Y[rng.random(Y.shape) < 0.15] = np.nan
-    Y[9:12] = np.nan
+    Y[9:12] = Y[rng.random(Y.shape) < 0.15] = np.nan
     settings = (int(rng.integers(1, 9)), rng.uniform(0.6, 0.99), 10 ** rng.uniform(-1, 3))
     start = case.x[0] + 0.3 * rng.standard_normal(len(case.e))
     lo, hi = case.x.min(axis=0), case.x.max(axis=0)
