@@ -32,8 +32,7 @@
 //! With f at rounding level the weight is zero and the space exact. n + 1 samples are fitted by
 //! some affine model whatever they are: without degrees of freedom f counts as 1. Should the map
 //! from prior to estimate come out unstable (spectral radius above
-//! [`tol::SPECTRAL_RADIUS`]), the weight is raised tenfold until it is
-//! not.
+//! [`tol::SPECTRAL_RADIUS`]), the weight is raised tenfold until it is not.
 //!
 //! A large f says that x(k) alone does not tell x(k+1), but not why. Hidden parts of the state ask
 //! for long windows, noise that drives the state for short ones and a weak prior. Above f = 0.1 the
@@ -148,8 +147,8 @@ impl Defaults {
         }
     }
 
-    /// Fewest outputs that tell motion from noise in a recording of n states and inputs; None for one
-    /// that is exactly linear. The horizon, given or the shortest of the rule, costs windows.
+    /// Fewest outputs that tell motion from noise in a recording of n states and inputs; None for
+    /// one that is exactly linear. The horizon, given or the shortest of the rule, costs windows.
     pub fn needed(&self, n: usize, horizon: Option<usize>) -> Option<usize> {
         let horizon = horizon.unwrap_or(HORIZON.0);
         (self.ratio > 0.0).then_some(((n + 1) * SAMPLES).max((n + 1) * WINDOWS + horizon - 1))

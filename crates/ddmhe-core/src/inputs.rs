@@ -180,16 +180,16 @@ fn apart(history: &History, scaling: &Scaling) -> Vec<String> {
 
 /// Whether the inputs seem to be those of the sample before or after.
 fn shifted(history: &History, scaling: &Scaling) -> Option<String> {
-    let fit = |history: &History| {
-        let [f_x, f_y] = scaling.misfit(&one_step(history, None));
+    let fit = |one_step: &[[f64; 2]]| {
+        let [f_x, f_y] = scaling.misfit(one_step);
         f_x.max(f_y)
     };
-    let own = fit(history);
+    let own = fit(&scaling.one_step);
     if own < EXACT {
         return None;
     }
     let better = |late: bool| {
-        let other = fit(&history.shifted_inputs(late)?);
+        let other = fit(&one_step(&history.shifted_inputs(late)?, None));
         (SHIFTED * other < own).then_some(own / other.max(EXACT))
     };
     let (way, gain) = [("a sample later", true), ("a sample earlier", false)]

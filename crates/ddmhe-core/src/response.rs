@@ -38,14 +38,12 @@ impl OwnResponse {
     /// Of windows up to `horizon`; None for a recording without inputs.
     pub fn new(history: &History, scaling: &Scaling, horizon: usize) -> Option<Self> {
         (history.m() > 0).then_some(())?;
-        let left = |lag: usize| {
-            let [f_x, f_y] = scaling.misfit(&left_by(history, lag, None));
-            f_x.max(f_y)
-        };
-        let first = left(1);
+        let larger = |[f_x, f_y]: [f64; 2]| f_x.max(f_y);
+        let first = larger(scaling.misfit(&scaling.one_step));
         // without a degree of freedom every recording is fitted exactly
         let exact = first < EXACT || history.T() <= history.n() + history.m() + 1;
-        let second = !exact && left(2) < SECOND * first;
+        let of_two = || larger(scaling.misfit(&left_by(history, 2, None)));
+        let second = !exact && of_two() < SECOND * first;
         let ridge = if exact { 0.0 } else { RIDGE.0.min(RIDGE.1 * first) };
         let of_lag = |lag: usize| OwnResponse::of_lag(history, scaling, horizon, (lag, ridge));
         if second {

@@ -3,6 +3,7 @@
 
 use crate::history::History;
 use crate::tol;
+use crate::watch::still_inputs;
 use faer::Mat;
 use faer::linalg::solvers::SolveLstsq;
 
@@ -136,14 +137,7 @@ impl Steps {
     /// Columns of inputs that never moved: all they hold is rounding.
     fn still_inputs(history: &History, lag: usize) -> Vec<usize> {
         let (n, p, m) = (history.n(), history.p(), history.m());
-        let still = |i: &usize| {
-            let all = (0..history.recordings()).flat_map(|r| history.inputs(r).chunks_exact(m));
-            let (lo, hi) = all.fold((f64::INFINITY, f64::NEG_INFINITY), |(lo, hi), u| {
-                (lo.min(u[*i]), hi.max(u[*i]))
-            });
-            hi - lo <= tol::UNMOVED * lo.abs().max(hi.abs())
-        };
-        let still: Vec<usize> = (0..m).filter(still).collect();
+        let still: Vec<usize> = still_inputs(history).collect();
         let first = |j: usize| if j == 0 { n } else { n + m + (j - 1) * (n + p + m) + n + p };
         (0..lag).flat_map(|j| still.iter().map(move |i| first(j) + i)).collect()
     }

@@ -272,9 +272,23 @@ pub fn wrapped_angle(values: &[f64]) -> Option<(f64, usize)> {
 
 /// States that never moved in the recording.
 pub(crate) fn still_states(history: &History) -> impl Iterator<Item = usize> {
-    let parts = || (0..history.recordings()).map(|i| history.states(i)).collect();
-    let channel = move |index: usize| Channel { parts: parts(), width: history.n(), index };
-    (0..history.n()).filter(move |&i| channel(i).still().is_some())
+    still(history, History::states, history.n())
+}
+
+/// Inputs that never moved in the recording.
+pub(crate) fn still_inputs(history: &History) -> impl Iterator<Item = usize> {
+    still(history, History::inputs, history.m())
+}
+
+/// Channels of a signal that never moved.
+fn still(
+    history: &History,
+    signal: fn(&History, usize) -> &[f64],
+    width: usize,
+) -> impl Iterator<Item = usize> {
+    let parts = move || (0..history.recordings()).map(|i| signal(history, i)).collect();
+    let channel = move |index: usize| Channel { parts: parts(), width, index };
+    (0..width).filter(move |&i| channel(i).still().is_some())
 }
 
 /// How far from a full turn a jump by one may be: by ordinary steps on both sides of it, or by
