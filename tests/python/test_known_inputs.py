@@ -9,24 +9,20 @@ import quadprog
 
 import ddmhe
 from ddmhe._core import DdmheError
+from driven import Driven
 
 
-class Driven:
-    """x(t+1) = A x + B u + e, y = C x + D u + r."""
+class Known(Driven):
+    """A system whose windows are estimated by the true model."""
 
-    def __init__(self, rng, n, m, p, radius=0.95):
+    @classmethod
+    def random(cls, rng, n, m, p, radius=0.95):
+        """With this spectral radius."""
         A = rng.standard_normal((n, n))
-        self.A = A * radius / max(abs(np.linalg.eigvals(A)))
-        self.B, self.D = rng.standard_normal((n, m)), rng.standard_normal((p, m))
-        self.C, self.e, self.r = (rng.standard_normal(shape) for shape in ((p, n), n, p))
-
-    def simulate(self, x0, u):
-        """States (T+1, n) and outputs (T, p)."""
-        x, y = [np.asarray(x0, float)], []
-        for k in range(len(u)):
-            y.append(self.C @ x[-1] + self.D @ u[k] + self.r)
-            x.append(self.A @ x[-1] + self.B @ u[k] + self.e)
-        return np.array(x), np.array(y)
+        A = A * radius / max(abs(np.linalg.eigvals(A)))
+        B, D = rng.standard_normal((n, m)), rng.standard_normal((p, m))
+        C, e, r = (rng.standard_normal(shape) for shape in ((p, n), n, p))
+        return cls(A=A, B=B, e=e, C=C, D=D, r=r)
 
     def window(self, u):
         """States = base + maps x(0), and outputs likewise: ((m+1), n), ((m+1), n, n), …"""
@@ -84,7 +80,7 @@ def test_estimates_of_a_noise_free_linear_system_are_exact(kind):
     for seed in range(100):
         rng = np.random.default_rng(seed)
         n, m, p = (int(k) for k in rng.integers((1, 1, 1), (5, 3, 3)))
-        system, M = Driven(rng, n, m, p), int(rng.integers(2, 13))
+        system, M = Known.random(rng, n, m, p), int(rng.integers(2, 13))
         # n + 1 windows, and as many samples as the response has parameters
         T = 60 + M if kind != "as short as can be" else max(M + n, n + m + 1)
         u = inputs(kind, rng, T, m)
@@ -103,7 +99,7 @@ def test_noisy_windows_are_those_of_the_true_model(boxed):
     for seed in range(40):
         rng = np.random.default_rng(1000 + seed)
         n, m, p = (int(k) for k in rng.integers((1, 1, 1), (5, 3, 3)))
-        system, M = Driven(rng, n, m, p), int(rng.integers(2, 9))
+        system, M = Known.random(rng, n, m, p), int(rng.integers(2, 9))
         u = inputs("white", rng, 80, m)
         x, y = system.simulate(3 * rng.standard_normal(n), u)
         U = 3 * rng.standard_normal((M, m))
@@ -142,7 +138,7 @@ def test_noisy_windows_are_those_of_the_true_model(boxed):
 
 def driven_recording(seed=0, T=120, noise=0.01, n=3, m=2, p=2):
     rng = np.random.default_rng(seed)
-    system = Driven(rng, n, m, p)
+    system = Known.random(rng, n, m, p)
     u = inputs("white", rng, T + 60, m)
     x, y = system.simulate(rng.standard_normal(n), u)
     y = y + noise * rng.standard_normal(y.shape)
@@ -168,7 +164,7 @@ def test_run_step_snapshot_and_copies_give_the_same_numbers(start):
 
 
 def test_joined_recordings_and_their_inputs():
-    system = Driven(np.random.default_rng(5), 3, 1, 2)
+    system = Known.random(np.random.default_rng(5), 3, 1, 2)
     rng = np.random.default_rng(6)
     parts = []
     for _ in range(3):
@@ -190,7 +186,7 @@ def test_a_rest_held_by_inputs_joins_noisy_data():
     """At the rest, far from a short noisy recording, which it contradicts without its u_e."""
     for seed in range(6):
         rng = np.random.default_rng(seed)
-        system = Driven(rng, 3, 1, 1)
+        system = Known.random(rng, 3, 1, 1)
         u = rng.standard_normal((40, 1))
         x, y = system.simulate(rng.standard_normal(3), u)
         noisy = (x + 0.1 * rng.standard_normal(x.shape), y + 0.1 * rng.standard_normal(y.shape))
@@ -245,7 +241,7 @@ def warned(h, words):
 
 def test_what_the_recording_cannot_tell_of_its_inputs_is_said():
     rng = np.random.default_rng(8)
-    system = Driven(rng, 3, 2, 2)
+    system = Known.random(rng, 3, 2, 2)
     white = rng.standard_normal((200, 2))
 
     def history(u, shift=0, noise=1e-3):
@@ -275,7 +271,7 @@ def test_what_the_recording_cannot_tell_of_its_inputs_is_said():
 
 def test_inputs_that_leave_what_was_recorded_are_noticed():
     rng = np.random.default_rng(9)
-    system = Driven(rng, 2, 2, 2)
+    system = Known.random(rng, 2, 2, 2)
     u = rng.uniform(-1, 1, (150, 2)) * [1.0, 0.0]
     h = ddmhe.History(*system.simulate(np.ones(2), u), 0.1, u)
     est = ddmhe.DdMhe(h, 20, start="state")
@@ -296,7 +292,7 @@ def test_inputs_that_leave_what_was_recorded_are_noticed():
 
 def test_an_input_that_never_moved_is_ignored():
     rng = np.random.default_rng(10)
-    system = Driven(rng, 2, 1, 2)
+    system = Known.random(rng, 2, 1, 2)
     u = np.full((60, 1), 0.3)
     x, y = system.simulate(rng.standard_normal(2), u)
     still, without = ddmhe.History(x, y, u=u), ddmhe.History(x, y)

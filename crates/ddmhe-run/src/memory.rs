@@ -84,9 +84,9 @@ pub fn memory_len(sizes: Sizes) -> usize {
 struct Forced {
     inputs: usize, // where the stretch of the inputs begins
     x: usize,      // means + x_f, in the user's units
-    y: usize,      // y_f
     free: usize,   // y - y_f
-    motion: usize, // of a step in turn
+    motion: usize, // [x_f(k+1); y_f(k)] of each instant
+    stride: usize, // from one to the next
     end: usize,
     at: usize,
 }
@@ -96,11 +96,10 @@ impl Forced {
         let Sizes { n, p, m, horizon, .. } = sizes;
         let known = |len: usize| if m > 0 { padded(len) } else { 0 };
         let x = at + known(samples(horizon) * m);
-        let y = x + known((horizon + 1) * n);
-        let free = y + known(horizon * p);
+        let free = x + known((horizon + 1) * n);
         let motion = free + known(horizon * p);
-        let end = motion + known(horizon * sizes.response().stride());
-        Forced { inputs: at, x, y, free, motion, end, at }
+        let stride = sizes.response().stride();
+        Forced { inputs: at, x, free, motion, stride, end: motion + known(horizon * stride), at }
     }
 
     fn len(&self) -> usize {
@@ -221,12 +220,10 @@ impl<B: AsRef<[f64]> + AsMut<[f64]>> Memory<B> {
     #[inline(always)]
     pub fn force(&mut self, shared: &Shared<'_>) {
         let Some(response) = shared.response() else { return };
-        let (n, p, stride) =
-            (self.states.width, self.outputs.width, shared.sizes.response().stride());
+        let (n, stride) = (self.states.width, self.forced.stride);
         let (inputs, forced) = (self.inputs.last(self.depth), self.forced);
         let (known, rest) = self.block.as_mut().split_at_mut(forced.x);
-        let (x, rest) = rest.split_at_mut(forced.y - forced.x);
-        let (y, rest) = rest.split_at_mut(forced.free - forced.y);
+        let (x, rest) = rest.split_at_mut(forced.free - forced.x);
         let motion = &mut rest[forced.motion - forced.free..forced.end - forced.free];
         response.forced(&known[inputs], motion);
         // channel by channel: loops over the few channels of each instant cost more than their work
@@ -237,21 +234,20 @@ impl<B: AsRef<[f64]> + AsMut<[f64]>> Memory<B> {
                 x[(k + 1) * n + i] = mean + instant[i] * s;
             }
         }
-        for i in 0..p {
-            for (k, instant) in motion.chunks_exact(stride).enumerate() {
-                y[k * p + i] = instant[n + i];
-            }
-        }
     }
 
     /// The outputs of the window without their forced motion.
     #[inline(always)]
     fn free(&mut self) {
+        let (n, p, stride) = (self.states.width, self.outputs.width, self.forced.stride);
         let window = self.outputs.last(self.depth);
-        let (outputs, rest) = self.block.as_mut().split_at_mut(self.forced.y);
-        let (y, free) = rest.split_at_mut(self.forced.free - self.forced.y);
-        for ((free, y), y_f) in free.iter_mut().zip(&outputs[window]).zip(y) {
-            *free = y - *y_f;
+        let (outputs, rest) = self.block.as_mut().split_at_mut(self.forced.free);
+        let (free, motion) = rest.split_at_mut(self.forced.motion - self.forced.free);
+        let outputs = &outputs[window];
+        for i in 0..p {
+            for (k, instant) in motion.chunks_exact(stride).take(self.depth).enumerate() {
+                free[k * p + i] = outputs[k * p + i] - instant[n + i];
+            }
         }
     }
 
