@@ -150,8 +150,10 @@ class DdMhe:
         certificate: _Certificate | None = None,
         disturbance: tuple[float, float, float] | Sequence[float] | None = None,
         *,
-        weights: Literal["auto", "paper", "scaled"] = "auto",
+        weights: Literal["auto", "paper", "scaled", "recorded"] = "auto",
         start: _Start | None = None,
+        process_noise: Literal["auto", "recorded", "residual"] | ArrayLike | None = "auto",
+        w_bounds: _Box | None = None,
     ) -> DdMhe: ...
     @overload
     def step(
@@ -195,7 +197,7 @@ class DdMhe:
     @property
     def mu(self) -> float: ...
     @property
-    def weights(self) -> Literal["paper", "scaled"]: ...
+    def weights(self) -> Literal["paper", "scaled", "recorded"]: ...
     @property
     def space(self) -> str | Exact | Truncated | Ridge: ...
     @property
@@ -219,6 +221,8 @@ class Estimate:
     def window(self) -> _Floats: ...
     @property
     def v(self) -> _Floats: ...
+    @property
+    def w(self) -> _Floats | None: ...
     @property
     def cost(self) -> float: ...
     @property

@@ -7,6 +7,7 @@ use crate::history::History;
 use crate::space::Space;
 use crate::tol;
 use crate::variation::Rest;
+use faer::{Mat, Side};
 use serde::{Deserialize, Serialize};
 
 /// A box lo ≤ · ≤ hi; infinite entries are no bounds.
@@ -41,6 +42,28 @@ pub enum Weighting {
     /// (17) with every channel in units of its [scale](crate::Scaling): μ has no unit, and
     /// rescaling a channel changes nothing.
     Scaled,
+    /// Those of the recording: the noise R of its outputs, the disturbance Q between its states and
+    /// the error covariance P that a Kalman filter settles to with them; ρ = 1, no μ, and windows of
+    /// the recording's linear model.
+    Recorded,
+}
+
+/// The disturbance ŵ(k) that is fitted between x(k) and x(k+1) (Remark 1), by its covariance.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+pub enum ProcessNoise {
+    /// [`Recorded`](ProcessNoise::Recorded) beside the weights of the recording, else
+    /// [`None`](ProcessNoise::None).
+    #[default]
+    Auto,
+    /// No disturbance: windows are trajectories.
+    None,
+    /// The share of the recording's one-step residuals that makes the recording most likely when
+    /// its states carry reading noise.
+    Recorded,
+    /// All of these residuals: right where the recorded states are exact.
+    Residual,
+    /// Q (n·n, by rows), symmetric and positive semidefinite, in the user's units.
+    Given(Vec<f64>),
 }
 
 /// Where a run starts.
@@ -54,6 +77,17 @@ pub enum Start {
     Recording,
     /// Anywhere: the window grows from a prior that is as wide as the recorded states.
     Unknown,
+}
+
+impl std::fmt::Display for Weighting {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(match self {
+            Weighting::Auto => "\"auto\"",
+            Weighting::Paper => "\"paper\"",
+            Weighting::Scaled => "\"scaled\"",
+            Weighting::Recorded => "\"recorded\"",
+        })
+    }
 }
 
 impl std::fmt::Display for Start {
@@ -110,6 +144,10 @@ pub struct Config {
     pub x_center: Center,
     /// Box on the fitted noise (16d).
     pub v_bounds: Option<Bounds>,
+    /// The disturbance that is fitted.
+    pub process_noise: ProcessNoise,
+    /// Box on the fitted disturbance.
+    pub w_bounds: Option<Bounds>,
     /// A known rest, added to the data as constant windows when the recording is noisy.
     pub equilibrium: Option<Equilibrium>,
     /// Where a run starts; `x_prior` needs [`Start::State`].
@@ -161,6 +199,8 @@ pub struct Settings {
     pub mu: f64,
     /// What the cost is measured in; never `Auto`.
     pub weights: Weighting,
+    /// Whether a disturbance is fitted.
+    pub driven: bool,
     /// Directions kept at full depth.
     pub rank: usize,
     /// Weight λ on ‖a‖² (see [`space`](crate::space)), 0 for none.
@@ -189,6 +229,7 @@ pub(crate) fn validate(history: &History, config: &Config) -> Result<(), Error> 
     if let Some(bounds) = &config.v_bounds {
         check_box("v_bounds", bounds, &[p])?;
     }
+    check_process_noise(config, n)?;
     if let Some(Equilibrium { x, y, u }) = &config.equilibrium {
         check_vector("equilibrium", x, n)?;
         check_vector("equilibrium", y, p)?;
@@ -224,6 +265,87 @@ fn check_weights(config: &Config, n: usize, p: usize, m: usize) -> Result<(), Er
     Ok(())
 }
 
+/// A disturbance, its box, and what does not go with it.
+fn check_process_noise(config: &Config, n: usize) -> Result<(), Error> {
+    let recorded = config.weighting() == Weighting::Recorded;
+    if recorded {
+        check_beside_recorded(config)?;
+    }
+    let none = match &config.process_noise {
+        ProcessNoise::Auto => !recorded,
+        ProcessNoise::None if recorded => {
+            let expected = "a disturbance beside weights = \"recorded\"";
+            return Err(Error::value("process_noise", expected, "none"));
+        }
+        given => *given == ProcessNoise::None,
+    };
+    if let ProcessNoise::Given(Q) = &config.process_noise {
+        check_covariance("process_noise", Q, n)?;
+    }
+    if let Some(bounds) = &config.w_bounds {
+        if none {
+            return Err(Error::value("w_bounds", "none without process_noise", "some"));
+        }
+        check_box("w_bounds", bounds, &[n])?;
+    }
+    if !none && config.certificate.is_some() {
+        let expected = "none beside a certificate, which holds for undisturbed windows";
+        return Err(Error::value("process_noise", expected, "a disturbance"));
+    }
+    Ok(())
+}
+
+/// The weights of the recording leave none of these open.
+fn check_beside_recorded(config: &Config) -> Result<(), Error> {
+    let expected = |what: &str| format!("{what} beside weights = \"recorded\"");
+    for (name, value) in [("rho", config.rho), ("mu", config.mu)] {
+        if let Some(value) = value {
+            return Err(Error::value(name, expected("none"), value));
+        }
+    }
+    if config.space != Space::Auto {
+        let found = "another";
+        return Err(Error::value(
+            "space",
+            expected("\"auto\", windows of the linear model,"),
+            found,
+        ));
+    }
+    if config.equilibrium.is_some() {
+        return Err(Error::value("equilibrium", expected("none"), "one"));
+    }
+    if config.x_center != Center::Absolute {
+        return Err(Error::value("x_center", expected("none"), "\"history\""));
+    }
+    Ok(())
+}
+
+/// Symmetric, positive semidefinite, not 0.
+fn check_covariance(argument: &'static str, Q: &[f64], n: usize) -> Result<(), Error> {
+    check_vector(argument, Q, n * n)?;
+    let size = Q.iter().fold(0.0_f64, |size, q| size.max(q.abs()));
+    let uneven = (0..n * n).any(|k| (Q[k] - Q[k % n * n + k / n]).abs() > 1e-9 * size);
+    // entries in units of their own rows: channels may have very different units
+    let root = |i: usize| Q[i * n + i].max(0.0).sqrt();
+    let own = |i: usize| if root(i) > 0.0 { root(i) } else { 1.0 };
+    let unit = Mat::from_fn(n, n, |i, j| Q[i * n + j] / (own(i) * own(j)));
+    let least = unit.self_adjoint_eigenvalues(Side::Lower).ok().and_then(|v| v.first().copied());
+    let negative = least.is_none_or(|least| least < -1e-9 * n as f64);
+    if size == 0.0 || uneven || negative {
+        let expected = "a covariance, symmetric and positive semidefinite, not 0";
+        let found = match least {
+            _ if size == 0.0 => "zeros".to_string(),
+            _ if uneven => "one that is not symmetric".into(),
+            Some(least) => {
+                format!("one with the least eigenvalue {least:.3e} in units of its diagonal")
+            }
+            None => "one whose eigenvalues cannot be computed".into(),
+        };
+        return Err(Error::value(argument, expected, found));
+    }
+    Ok(())
+}
+
 /// A certificate holds the weights, in the user's units.
 fn check_beside_certificate(config: &Config) -> Result<(), Error> {
     for (name, value) in [("rho", config.rho), ("mu", config.mu)] {
@@ -232,9 +354,9 @@ fn check_beside_certificate(config: &Config) -> Result<(), Error> {
             return Err(Error::value(name, expected, value));
         }
     }
-    if config.weights == Weighting::Scaled {
+    if matches!(config.weights, Weighting::Scaled | Weighting::Recorded) {
         let expected = "\"paper\" or \"auto\" beside a certificate, whose units are the user's";
-        return Err(Error::value("weights", expected, "\"scaled\""));
+        return Err(Error::value("weights", expected, config.weights));
     }
     Ok(())
 }

@@ -40,7 +40,7 @@
 //!
 //! `make study-defaults` measures the rule against the best settings in hindsight.
 
-use crate::config::Config;
+use crate::config::{Config, Weighting};
 use crate::error::Error;
 use crate::history::History;
 use crate::scaling::{EXACT, Scaling, shared};
@@ -130,7 +130,10 @@ impl Defaults {
     /// 4η^M < 1 asks.
     pub fn horizon_for(&self, config: &Config) -> Result<usize, Error> {
         let Some(c) = &config.certificate else {
-            return Ok(config.horizon.unwrap_or(self.horizon));
+            // with the weights of the recording the prior holds all that was before the window
+            let recorded = config.weighting() == Weighting::Recorded;
+            let rule = if recorded { self.horizon.min(HORIZON.0) } else { self.horizon };
+            return Ok(config.horizon.unwrap_or(rule));
         };
         let needed = c.minimum_horizon();
         match config.horizon {

@@ -1,7 +1,9 @@
 //! What an estimator computes at construction: settings, weights and the problems of all depths.
 
 use crate::challenge::challenge;
-use crate::config::{Bounds, Center, Config, Equilibrium, Settings, Start, Weighting, validate};
+use crate::config::{
+    Bounds, Center, Config, Equilibrium, ProcessNoise, Settings, Start, Weighting, validate,
+};
 use crate::defaults::{Defaults, stable};
 use crate::error::Error;
 use crate::error_bound::ErrorBound;
@@ -11,6 +13,7 @@ use crate::history::History;
 use crate::inputs::InputWatch;
 use crate::magnitude::{check_reach, check_ridge, check_scales, check_sizes, check_weights};
 use crate::plan_builder::{Draft, Ground, Prepared, factorisation};
+use crate::process_noise::Driving;
 use crate::remarks::Remarks;
 use crate::response::OwnResponse;
 use crate::scaling::Scaling;
@@ -36,6 +39,7 @@ pub(crate) struct Design {
     deepest: TrajectorySpace,       // of the horizon; others are computed where they are needed
     rest: Option<Equilibrium>,      // that is part of the data
     pub response: Option<OwnResponse>, // to known inputs
+    pub driving: Option<Driving>,   // the disturbance that is fitted
     pub units: pulp::Arch,          // the machine's vector units
     pub ground: Arc<Ground>,        // what all depths share
     pub problems: Vec<Prepared>,    // of the depths that are kept, ascending, the last M
@@ -61,16 +65,18 @@ impl Design {
         start: Start,
         (scaling, rule): (Scaling, Defaults),
     ) -> Result<Self, Error> {
-        let weights = Weights::new(config, &rule, &scaling)?;
-        check_weights(&weights, config, &scaling)?;
         let horizon = rule.horizon_for(config)?;
         check_excitation(history, horizon)?;
+        let driving = Driving::new(history, &scaling, config, horizon)?;
+        let weights = Weights::new(config, &rule, (&scaling, driving.as_ref()))?;
+        check_weights(&weights, config, &scaling)?;
         let rest = config.rest().filter(|_| rule.noisy);
         let response = OwnResponse::new(history, &scaling, horizon);
         let scales = (&scaling, response.as_ref());
         let source = Source {
-            stack: WindowStack::new(history, scales, horizon, rest),
+            stack: WindowStack::new(history, scales, horizon, rest).driven_by(driving.as_ref()),
             response: response.as_ref(),
+            driving: driving.as_ref(),
             history,
             config,
             scaling: &scaling,
@@ -104,7 +110,8 @@ impl Design {
     fn spaces(&self, depths: impl Iterator<Item = usize>) -> Vec<TrajectorySpace> {
         let rest = self.rest.as_ref().map(Equilibrium::as_rest);
         let scales = (&self.scaling, self.response.as_ref());
-        let stack = WindowStack::new(&self.history, scales, self.settings.horizon, rest);
+        let stack = WindowStack::new(&self.history, scales, self.settings.horizon, rest)
+            .driven_by(self.driving.as_ref());
         depths.map(|depth| stack.space(depth, &self.selection)).collect()
     }
 
@@ -157,6 +164,7 @@ struct Source<'a> {
     config: &'a Config,
     scaling: &'a Scaling,
     response: Option<&'a OwnResponse>,
+    driving: Option<&'a Driving>,
     weights: &'a Weights,
     rest: Option<Rest<'a>>,
 }
@@ -181,7 +189,8 @@ impl Source<'_> {
     }
 
     fn draft_on(&self, space: &TrajectorySpace, weights: &Weights) -> Result<Draft, Error> {
-        let layout = Layout { n: self.history.n(), p: self.history.p(), depth: space.depth };
+        let (n, p, driven) = (self.history.n(), self.history.p(), self.driving.is_some());
+        let layout = Layout { n, p, depth: space.depth, driven };
         let bounds = (self.config.x_bounds.as_ref(), self.config.x_center == Center::History);
         Draft::new(layout, space, self.scaling, weights, bounds, None).map_err(factorisation)
     }
@@ -221,7 +230,8 @@ impl Source<'_> {
                 _ => weights.mu_as_printed(scaling),
             },
             weights: config.weighting(),
-            rank: space.rank(),
+            driven: space.driven.is_some(),
+            rank: space.undisturbed(),
             lambda: space.lambda,
             equilibrium_used: self.rest.is_some(),
         }
@@ -229,7 +239,7 @@ impl Source<'_> {
 
     /// What all depths share, where a window begins that holds so many outputs.
     fn ground(&self, start: Start, horizon: usize, filled: usize, rank: usize) -> Arc<Ground> {
-        let Source { history, config, scaling, weights, .. } = *self;
+        let Source { history, config, scaling, weights, driving, .. } = *self;
         let sizes = Sizes {
             n: history.n(),
             p: history.p(),
@@ -240,13 +250,16 @@ impl Source<'_> {
             filled,
             x_bounded: config.x_bounds.is_some(),
             v_bounded: config.v_bounds.is_some(),
+            w_bounded: config.w_bounds.is_some(),
+            driven: driving.is_some(),
             centered: config.x_center == Center::History,
             plain_noise: config.certificate.is_none(),
         };
-        let boxes = (config.x_bounds.as_ref(), config.v_bounds.as_ref());
+        let boxes = [&config.x_bounds, &config.v_bounds, &config.w_bounds].map(Option::as_ref);
         let x_prior = config.x_prior.as_deref();
         let first = first_window((history, scaling), start, filled, x_prior);
-        Arc::new(Ground::new(sizes, (scaling, self.response), weights, boxes, &first))
+        let scales = (scaling, self.response);
+        Arc::new(Ground::new(sizes, scales, (weights, driving), boxes, &first))
     }
 
     /// With the problems of the shorter windows too.
@@ -287,6 +300,7 @@ impl Source<'_> {
                 .unwrap_or_default(),
             rest: self.rest.map(Equilibrium::from),
             response: self.response.cloned(),
+            driving: self.driving.cloned(),
             place: places(&problems, horizon),
             spectral_radius: radius,
             centered: config.x_center == Center::History,
@@ -329,6 +343,7 @@ fn leaves_all_open(config: &Config) -> bool {
         && config.mu.is_none()
         && config.space == Space::Auto
         && config.weighting() == Weighting::Scaled
+        && matches!(config.process_noise, ProcessNoise::Auto | ProcessNoise::None)
 }
 
 /// Depths of the windows of a run that begins with so many outputs, the horizon first: every one

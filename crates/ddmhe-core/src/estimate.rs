@@ -14,7 +14,9 @@ pub struct Estimate {
     /// Fitted noise v̂(t-M_t|t) … v̂(t-1|t), M_t·p; NaN where nothing was measured, or where the
     /// output was left out (see [`DdMhe::step`](crate::DdMhe::step)).
     pub v: Vec<f64>,
-    /// Cost (17) at the estimate (a weight on ‖α‖² is not part of it).
+    /// Fitted disturbance ŵ(t-M_t|t) … ŵ(t-1|t), M_t·n; empty where none is fitted.
+    pub w: Vec<f64>,
+    /// Cost (17) at the estimate, with that of the disturbance, where one is fitted (a weight on ‖α‖² is not part of it).
     pub cost: f64,
     /// Bound on ‖x̂(t) - x(t)‖, if a certificate and the disturbance's size were given.
     pub bound: Option<f64>,

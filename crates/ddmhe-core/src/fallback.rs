@@ -7,7 +7,7 @@ use crate::weights::Weights;
 use ddmhe_run::Status;
 use ddmhe_run::active_set::{LeastDistance, Windows, WorkingSet};
 use ddmhe_run::fallback::{self, Fallback};
-use ddmhe_run::problem::{Data, Scratch, WindowSolution};
+use ddmhe_run::problem::{Data, Fit, Scratch, WindowSolution};
 
 /// What a step on the ground has beside the methods of [`ddmhe_run`].
 pub(crate) struct Fallbacks<'a> {
@@ -49,10 +49,10 @@ impl Fallback for Fallbacks<'_> {
         &self,
         data: &Data<'_>,
         room: (&mut WorkingSet<'_>, &mut Scratch<'_>),
-        answer: (&mut [f64], &mut [f64]),
+        fit: Fit<'_>,
     ) -> Option<WindowSolution> {
         let made = self.design.without_missing(self.prepared, self.weights, data.outputs).ok()?;
         let fallback = Fallbacks { prepared: &made, ..*self };
-        made.problem().solve(&fallback, data, room, answer)
+        made.problem().solve(&fallback, data, room, fit)
     }
 }

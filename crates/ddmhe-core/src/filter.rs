@@ -6,7 +6,7 @@
 //! only share the decomposition of the windows. Numbers agree with [`DdMhe`](crate::DdMhe) to
 //! rounding; what goes beyond numbers that can be computed with is left to it.
 
-use crate::config::{Config, Start, validate};
+use crate::config::{Config, ProcessNoise, Start, Weighting, validate};
 use crate::defaults::Defaults;
 use crate::design::{Design, depths, guarded, prepared, select};
 use crate::error::Error;
@@ -30,7 +30,9 @@ use std::sync::atomic::{AtomicBool, Ordering};
 /// are another's.
 pub(crate) fn is_linear(config: &Config) -> bool {
     let bounded = config.x_bounds.is_some() || config.v_bounds.is_some();
-    !bounded && config.certificate.is_none() && config.start != Start::Unknown
+    let driven = !matches!(config.process_noise, ProcessNoise::Auto | ProcessNoise::None)
+        || config.weighting() == Weighting::Recorded;
+    !bounded && !driven && config.certificate.is_none() && config.start != Start::Unknown
 }
 
 /// x̂ = constant + G [x̄; y] of one depth, in scaled deviations.
@@ -175,7 +177,7 @@ impl<'a> Windows<'a> {
     /// The same of a configuration, its weight raised as [`Design`] does.
     fn guarded(&self, config: &Config, rule: &Defaults) -> Option<Setting> {
         validate(self.history, config).ok()?;
-        let weights = Weights::new(config, rule, self.scaling).ok()?;
+        let weights = Weights::new(config, rule, (self.scaling, None)).ok()?;
         check_weights(&weights, config, self.scaling).ok()?;
         let selection = select(&config.space, rule, &weights, self.history.n());
         check_ridge(&weights, config, self.stack.space(self.horizon, &selection).lambda).ok()?;
@@ -207,7 +209,8 @@ impl<'a> Windows<'a> {
     }
 
     fn gain(&self, depth: usize, weights: &Weights, selection: &Selection) -> Option<Gain> {
-        let layout = Layout { n: self.history.n(), p: self.history.p(), depth };
+        let (n, p) = (self.history.n(), self.history.p());
+        let layout = Layout { n, p, depth, driven: false };
         Gain::new(layout, &self.stack.space(depth, selection), weights)
     }
 }

@@ -99,15 +99,19 @@ mod hankel;
 mod history;
 mod inputs;
 mod interrupt;
+mod linear_model;
 mod magnitude;
 mod many;
 mod mhe;
 mod own;
 mod plan_builder;
+mod process_noise;
 mod qp;
+mod recorded_noise;
 mod reduction;
 mod remarks;
 mod response;
+mod riccati;
 mod run;
 mod scaling;
 pub mod snapshot;
@@ -129,7 +133,7 @@ pub use ddmhe_interval::{
 pub use ddmhe_run::Status;
 
 pub use certificate::{Certificate, Disturbance, Model, Uncertainty, minimum_horizon};
-pub use config::{Bounds, Center, Config, Equilibrium, Settings, Start, Weighting};
+pub use config::{Bounds, Center, Config, Equilibrium, ProcessNoise, Settings, Start, Weighting};
 pub use estimate::{Estimate, Log};
 pub use excitation::RankReport;
 pub use hankel::BlockHankel;

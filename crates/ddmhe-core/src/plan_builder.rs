@@ -4,6 +4,7 @@
 use crate::config::Bounds;
 use crate::error::Error;
 use crate::first_window::Samples;
+use crate::process_noise::Driving;
 use crate::reduction::{Reduced, reduce};
 use crate::response::OwnResponse;
 use crate::scaling::Scaling;
@@ -98,7 +99,7 @@ impl Draft {
         let mut block = Block::new(depth.len);
         depth.write_header(block.numbers_mut());
         write_maps(&depth, &reduced, space, &mut block);
-        write_rows(&depth, &reduced.A, space, scaling, &mut block);
+        write_rows(&depth, &reduced, space, scaling, &mut block);
         write_limits(&depth, x_bounds, scaling, &mut block);
         block.write(depth.prior, weights.prior_factor());
         let (last, r) = (layout.x(layout.depth).start, depth.rank);
@@ -165,10 +166,11 @@ fn write_maps(depth: &Depth, reduced: &Reduced, space: &TrajectorySpace, block: 
     }
 }
 
-/// (16b): the rows of w = c + A z, apart: states in the user's units, outputs as deviations.
+/// (16b): the rows of w = c + A z, apart: states and disturbances in the user's units, outputs as
+/// deviations.
 fn write_rows(
     depth: &Depth,
-    A: &Mat<f64>,
+    Reduced { A, A_w, .. }: &Reduced,
     space: &TrajectorySpace,
     scaling: &Scaling,
     block: &mut Block,
@@ -186,10 +188,22 @@ fn write_rows(
         (0..r).filter(|_| moves[row]).for_each(|j| rows[(i, j)] = A[(row, j)]);
         (offset[i], unit[i]) = (space.mean[row], scaling.unit_y[k % p] / scaling.s_y[k % p]);
     }
+    let second = depth.layout.second_split();
+    if let (Some(A_w), Some(driven)) = (A_w, &space.driven) {
+        for k in 0..A_w.nrows() {
+            let (i, s) = (second + k, scaling.s_x[k % n]);
+            (0..r).for_each(|j| rows[(i, j)] = A_w[(k, j)] * s);
+            unit[i] = driven.units[k % n];
+        }
+    }
     let numbers = block.numbers_mut();
-    write_panels((split, r), |i, j| rows[(i, j)], depth.states.of_mut(numbers));
-    let outputs = depth.outputs.of_mut(numbers);
-    write_panels((len - split, r), |i, j| rows[(split + i, j)], outputs);
+    for (first, end, span) in [
+        (0, split, depth.states),
+        (split, second, depth.outputs),
+        (second, len, depth.disturbances),
+    ] {
+        write_panels((end - first, r), |i, j| rows[(first + i, j)], span.of_mut(numbers));
+    }
     block.write(depth.offset, offset);
     block.write(depth.unit, unit.iter().copied());
     let (mut normals, mut inverse, mut slack) =
@@ -239,15 +253,18 @@ impl Ground {
     pub fn new(
         sizes: Sizes,
         (scaling, response): (&Scaling, Option<&OwnResponse>),
-        weights: &Weights,
-        (x, v): (Option<&Bounds>, Option<&Bounds>),
+        (weights, driving): (&Weights, Option<&Driving>),
+        [x, v, w]: [Option<&Bounds>; 3],
         start: &Samples,
     ) -> Self {
         let (M, n, p) = (sizes.horizon, sizes.n, sizes.p);
+        let of_w = driving.map_or(vec![1.0], |driving| driving.units(scaling));
+        let price = driving.map_or(0.0, |driving| weights.price(&driving.R) * weights.unit);
         let common = Common {
-            margins: [Margin::new(&scaling.unit_x), Margin::new(&scaling.unit_y)],
+            margins: [&scaling.unit_x, &scaling.unit_y, &of_w].map(|units| Margin::new(units)),
             rho: weights.rho,
             unit: weights.unit,
+            price,
             ..Common::new(sizes)
         };
         let mut block = Block::new(common.len);
@@ -270,7 +287,11 @@ impl Ground {
         write(common.states, &start.states, 1);
         write(common.outputs, &start.outputs, 1);
         write(common.inputs, &start.inputs, 1);
-        for (bounds, spans, times) in [(x, common.x_limits, n), (v, common.v_limits, M * p)] {
+        let whitening = driving.map_or(vec![], |driving| driving.whitening(scaling));
+        write(common.whitening, &whitening, 1);
+        let limits =
+            [(x, common.x_limits, n), (v, common.v_limits, M * p), (w, common.w_limits, M * n)];
+        for (bounds, spans, times) in limits {
             let Some(bounds) = bounds else { continue };
             write(spans[0], &bounds.lo, times / bounds.lo.len());
             write(spans[1], &bounds.hi, times / bounds.hi.len());

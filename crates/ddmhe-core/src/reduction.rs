@@ -22,6 +22,8 @@ pub(crate) struct Reduced {
     pub K: Mat<f64>,
     /// d × r: w = c + A z.
     pub A: Mat<f64>,
+    /// m n × r: ŵ = A_w z, if a disturbance is fitted.
+    pub A_w: Option<Mat<f64>>,
     /// r × m p: z_c = K_c (y - c_y) of the window x_c(t) of the experiment IV-A1, if it is asked
     /// for.
     pub K_c: Option<Mat<f64>>,
@@ -43,6 +45,7 @@ pub(crate) fn reduce(
     let measured = measured.unwrap_or(&all);
     let (blocks, stacked) = stacked(layout, space, weights, measured)?;
     let (n, r, seen) = (layout.n, space.rank(), layout.seen().collect::<Vec<_>>());
+    let driven = space.driven.as_ref();
     let qr = stacked.qr();
     let (Q, R) = (qr.compute_thin_Q(), qr.thin_R());
     let mut K = Mat::zeros(r, seen.len());
@@ -50,17 +53,27 @@ pub(crate) fn reduce(
         K.subcols_mut(*first, W.nrows()).copy_from(Q.subrows(*first, W.nrows()).transpose() * W);
     }
     // A = B R⁻¹, from Rᵀ Aᵀ = Bᵀ
-    let mut A_t = space.basis.transpose().to_owned();
-    R.transpose().solve_lower_triangular_in_place(A_t.as_mut());
+    let by_z = |B: &Mat<f64>| {
+        let mut A_t = B.transpose().to_owned();
+        R.transpose().solve_lower_triangular_in_place(A_t.as_mut());
+        A_t.transpose().to_owned()
+    };
     let K_c = match centered {
         true => Some(R * center_gain(space, &seen[n..], weights, |i| measured[i])?),
         false => None,
     };
     // Q_F Q_Gᵀ = 0: the kernel of F alone reaches whatever G b is to be
-    let rest = stacked.nrows() - seen.len();
+    let first = seen.len() + driven.map_or(0, |driven| driven.coordinates);
+    let rest = stacked.nrows() - first;
     let surplus = space.lambda == 0.0 && rest > 0;
-    let unseen = surplus.then(|| Q.subrows(seen.len(), rest).transpose().to_owned());
-    Ok(Reduced { K, A: A_t.transpose().to_owned(), K_c, unseen })
+    let unseen = surplus.then(|| Q.subrows(first, rest).transpose().to_owned());
+    Ok(Reduced {
+        K,
+        A: by_z(&space.basis),
+        A_w: driven.map(|driven| by_z(&driven.rows)),
+        K_c,
+        unseen,
+    })
 }
 
 /// Gᵀ of x̂(t) = c_x + G ([x̄; y] - c), (n + m p) × n: the last rows of A K.
@@ -116,7 +129,7 @@ fn stacked(
     weights: &Weights,
     measured: &[bool],
 ) -> Result<(Blocks, Mat<f64>), SvdError> {
-    let Layout { n, p, depth } = layout;
+    let Layout { n, p, depth, .. } = layout;
     // (17): √ of 2ρ^m P on the prior, of ρ^{j-1} R on y(t-j): the block of each sample with its
     // first row in f
     let mut blocks = vec![(0, weights.prior(depth))];
@@ -131,14 +144,21 @@ fn stacked(
     for (first, W) in &blocks {
         F.subrows_mut(*first, W.nrows()).copy_from(W * basis.subrows(*first, W.nrows()));
     }
+    let own = space.undisturbed();
     let G = if space.lambda > 0.0 {
-        Mat::from_fn(r, r, |i, j| if i == j { space.lambda.sqrt() } else { 0.0 })
+        Mat::from_fn(own, own, |i, j| if i == j { space.lambda.sqrt() } else { 0.0 })
     } else {
-        least_norm(F.as_ref(), space)?
+        // with the disturbance at 0, which its own cost asks for
+        least_norm(F.subcols(0, own), space)?
     };
-    let stacked = Mat::from_fn(F.nrows() + G.nrows(), r, |i, j| {
-        if i < F.nrows() { F[(i, j)] } else { G[(i - F.nrows(), j)] }
-    });
+    let mut stacked = Mat::zeros(F.nrows() + (r - own) + G.nrows(), r);
+    stacked.subrows_mut(0, F.nrows()).copy_from(&F);
+    if let Some(driven) = &space.driven {
+        let price = weights.price(&driven.variances).sqrt();
+        (own..r).for_each(|j| stacked[(F.nrows() + j - own, j)] = price);
+    }
+    let first = F.nrows() + (r - own);
+    stacked.submatrix_mut(first, 0, G.nrows(), own).copy_from(&G);
     Ok((blocks, stacked))
 }
 
@@ -177,7 +197,7 @@ fn center_gain(
     weights: &Weights,
     measured: impl Fn(usize) -> bool,
 ) -> Result<Mat<f64>, SvdError> {
-    let r = space.rank();
+    let r = space.undisturbed();
     let length = |j: usize| {
         if space.lambda > 0.0 {
             1.0
@@ -196,5 +216,7 @@ fn center_gain(
     let (U, V) = (svd.U(), svd.V());
     let right = Mat::from_fn(r, k, |i, j| length(i) * V[(i, j)] * filter(sigma[j]));
     let K = right * U.transpose();
-    Ok(Mat::from_fn(r, y_rows.len(), |i, j| K[(i, j)] * alike(j)))
+    let disturbed = |i: usize| i >= r; // by nothing, as the recording has it
+    let entry = |i: usize, j: usize| if disturbed(i) { 0.0 } else { K[(i, j)] * alike(j) };
+    Ok(Mat::from_fn(space.rank(), y_rows.len(), entry))
 }

@@ -133,6 +133,7 @@ impl Run {
             && bounds.iter().all(|e| *e >= 0.0)
             && t < usize::MAX / 2
             && estimate.fits(n, p)
+            && (estimate.w.is_empty() || design.driving.is_some())
             && design.input_watch.allows(&seen_inputs)
             && estimate.v.len() <= design.settings.horizon * p
             && (active.is_empty() || design.problem(samples).allows(&active));
@@ -162,8 +163,10 @@ impl Run {
     fn reserve(&mut self, design: &Design) {
         let (n, p) = (design.history.n(), design.history.p());
         let depth = design.settings.horizon;
-        let Estimate { x, window, v, .. } = &mut self.estimate;
+        let driven = design.driving.is_some();
+        let Estimate { x, window, v, w, .. } = &mut self.estimate;
         x.reserve(n - x.len());
+        w.reserve(if driven { depth * n - w.len() } else { 0 });
         window.reserve((depth + 1) * n - window.len());
         v.reserve(depth * p - v.len());
         if let Some(bound) = &mut self.bound {
@@ -209,8 +212,8 @@ impl Run {
         if estimate.v.len() != layout.outputs_len() {
             fit(estimate, layout);
         }
-        let Estimate { x, window, v, bound: error_bound, .. } = estimate;
-        let mut out = Answer { x, window, v };
+        let Estimate { x, window, v, w, bound: error_bound, .. } = estimate;
+        let mut out = Answer { x, window, v, w };
         let fallback = &Fallbacks { design, weights, prepared };
         let (problem, memory) = (prepared.problem(), &mut self.memory);
         let x_bounds = x_bounds.map(|bounds| Limits { lo: &bounds.lo, hi: &bounds.hi });
@@ -243,6 +246,7 @@ fn fit(estimate: &mut Estimate, layout: Layout) {
     estimate.x.resize(layout.n, 0.0);
     estimate.window.resize(layout.states_len(), 0.0);
     estimate.v.resize(layout.outputs_len(), 0.0);
+    estimate.w.resize(layout.disturbances_len(), 0.0);
 }
 
 /// The problem for so many outputs, and the weights that it was made with: that of an unknown start

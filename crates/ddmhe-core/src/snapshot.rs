@@ -63,7 +63,9 @@ impl Estimate {
     /// step.
     pub fn fits(&self, n: usize, p: usize) -> bool {
         let (rows, samples) = (self.window.len() / n, self.v.len() / p);
-        let whole = self.window.len() == rows * n && self.v.len() == samples * p;
+        let whole = self.window.len() == rows * n
+            && self.v.len() == samples * p
+            && (self.w.is_empty() || self.w.len() == samples * n);
         let empty = self.x.is_empty() && self.window.is_empty() && self.v.is_empty();
         empty || (whole && self.x.len() == n && rows == samples + 1)
     }

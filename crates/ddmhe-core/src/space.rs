@@ -32,18 +32,24 @@
 //! *Coordinates.* Without a weight the coordinates are b = S z and the basis is U, orthonormal:
 //! directions that the recording hardly excited are not ill-conditioned. With a weight they are a =
 //! √N z, of unit variance over the recording, the basis is U S/√N and ‖α‖² = (1 + ‖a‖²)/N.
+//!
+//! *Disturbance.* Where one is fitted, its columns G follow those of the recording:
+//! [`process_noise`](crate::process_noise). With the weights of the recording the windows are those
+//! of its linear model, x(0) the coordinates, in the place of the recorded ones.
 
 use crate::history::History;
+use crate::process_noise::{Driven, Driving};
 use crate::response::OwnResponse;
 use crate::scaling::Scaling;
 use crate::tol;
 use crate::variation::{Rest, copies};
+use ddmhe_run::layout::Layout;
 use faer::diag::Diag;
 use faer::dyn_stack::{MemBuffer, MemStack, StackReq};
 use faer::linalg::svd::{ComputeSvdVectors, svd, svd_scratch};
 use faer::{Mat, MatRef, Par, Spec};
 use serde::{Deserialize, Serialize};
-use std::cell::RefCell;
+use std::cell::{OnceCell, RefCell};
 use std::rc::Rc;
 
 /// Which windows count as trajectories of the system.
@@ -120,12 +126,39 @@ pub struct TrajectorySpace {
     pub singular_values: Vec<f64>,
     /// Weight λ on ‖a‖² (cost in scaled units); 0 when there is none.
     pub lambda: f64,
+    /// What a disturbance makes of it, if one is fitted.
+    pub(crate) driven: Option<Driven>,
 }
 
 impl TrajectorySpace {
-    /// Number of directions r.
+    /// Number of directions r, those of a disturbance included.
     pub fn rank(&self) -> usize {
         self.basis.ncols()
+    }
+
+    /// The directions without those of a disturbance.
+    pub fn undisturbed(&self) -> usize {
+        self.rank() - self.driven.as_ref().map_or(0, |driven| driven.coordinates)
+    }
+
+    /// With those of a disturbance.
+    fn driven_by(mut self, driving: &Driving, layout: Layout, scaling: &Scaling) -> Self {
+        let (own, G, W) = (self.rank(), driving.columns(layout), driving.disturbances(layout));
+        let beside = |own: usize, M: &Mat<f64>, before: &dyn Fn(usize, usize) -> f64| {
+            Mat::from_fn(M.nrows(), own + M.ncols(), |i, j| match j.checked_sub(own) {
+                None => before(i, j),
+                Some(j) => M[(i, j)],
+            })
+        };
+        let basis = beside(own, &G, &|i, j| self.basis[(i, j)]);
+        self.basis = basis;
+        self.driven = Some(Driven {
+            coordinates: G.ncols(),
+            rows: beside(own, &W, &|_, _| 0.0),
+            units: driving.units(scaling),
+            variances: driving.R.clone(),
+        });
+        self
     }
 }
 
@@ -140,8 +173,9 @@ pub(crate) struct WindowStack<'a> {
     scaling: &'a Scaling,
     response: Option<&'a OwnResponse>,
     equilibrium: Option<Rest<'a>>,
+    driving: Option<&'a Driving>,
     depth: usize,
-    R: Mat<f64>, // of the windows of `depth`: min(N, 1+d) × (1+d)
+    R: OnceCell<Mat<f64>>, // of the windows of `depth`: min(N, 1+d) × (1+d)
     // and its depth: settings are tried at one depth after another
     latest: RefCell<Option<(usize, Rc<Decomposed>)>>,
     room: RefCell<MemBuffer>, // of the decompositions
@@ -156,26 +190,30 @@ struct Decomposed {
 }
 
 impl<'a> WindowStack<'a> {
-    /// Factors the windows of `depth`, without their forced motion where there are inputs.
+    /// The windows of `depth`, without their forced motion where there are inputs.
     pub fn new(
         history: &'a History,
         (scaling, response): (&'a Scaling, Option<&'a OwnResponse>),
         depth: usize,
         equilibrium: Option<Rest<'a>>,
     ) -> Self {
-        let mut stack = WindowStack {
+        WindowStack {
             history,
             scaling,
             response,
             equilibrium,
+            driving: None,
             depth,
-            R: Mat::zeros(0, 0),
+            R: OnceCell::new(),
             latest: RefCell::default(),
             room: RefCell::new(MemBuffer::new(StackReq::EMPTY)),
-        };
-        let rows = stack.rows(depth, 0);
-        stack.R = upper(rows.as_ref(), rows.ncols());
-        stack
+        }
+    }
+
+    /// With a disturbance, if there is one.
+    pub fn driven_by(mut self, driving: Option<&'a Driving>) -> Self {
+        self.driving = driving;
+        self
     }
 
     /// [1 Wᵀ] for windows of `depth`, leaving out those of each recording that also start a window
@@ -204,6 +242,10 @@ impl<'a> WindowStack<'a> {
 
     /// The space of windows of `depth`.
     pub fn space(&self, depth: usize, selection: &Selection) -> TrajectorySpace {
+        if let Some(driving) = self.driving.filter(|driving| driving.stationary.is_some()) {
+            let (layout, windows) = (self.layout(depth), self.history.windows(depth));
+            return driving.trajectories(layout, windows).driven_by(driving, layout, self.scaling);
+        }
         let latest = self
             .latest
             .borrow()
@@ -216,7 +258,17 @@ impl<'a> WindowStack<'a> {
             self.latest.replace(Some((depth, Rc::clone(&windows))));
             windows
         });
-        select(&windows, depth, self.scaling.rounding(windows.windows, depth), selection)
+        let rounding = self.scaling.rounding(windows.windows, depth);
+        let recorded = select(&windows, depth, rounding, selection);
+        match self.driving {
+            None => recorded,
+            Some(driving) => recorded.driven_by(driving, self.layout(depth), self.scaling),
+        }
+    }
+
+    fn layout(&self, depth: usize) -> Layout {
+        let (n, p) = (self.history.n(), self.history.p());
+        Layout { n, p, depth, driven: self.driving.is_some() }
     }
 
     fn decomposed(&self, depth: usize) -> Decomposed {
@@ -224,13 +276,17 @@ impl<'a> WindowStack<'a> {
         let d = depth * (n + p) + n;
         let recorded = self.history.windows(depth);
         let late = self.rows(depth, self.depth);
-        let shared = self.R.nrows().min(1 + d);
+        let factor = self.R.get_or_init(|| {
+            let rows = self.rows(self.depth, 0);
+            upper(rows.as_ref(), rows.ncols())
+        });
+        let shared = factor.nrows().min(1 + d);
         let copies = if self.equilibrium.is_some() { copies(recorded) } else { 0 };
 
         let mut stacked = Mat::zeros(shared + late.nrows() + usize::from(copies > 0), 1 + d);
         for j in 0..=d {
             for i in 0..shared.min(j + 1) {
-                stacked[(i, j)] = self.R[(i, j)];
+                stacked[(i, j)] = factor[(i, j)];
             }
             for i in 0..late.nrows() {
                 stacked[(shared + i, j)] = late[(i, j)];
@@ -318,6 +374,7 @@ fn select(
         basis,
         singular_values: sigma[..rank].to_vec(),
         lambda,
+        driven: None,
     }
 }
 

@@ -14,6 +14,8 @@
 //! believed as much as one made from M, and the start be remembered for ever. From t = 2M on the
 //! two are one, and x̄(t-M) = x̂(t-M) as in Algorithm 1.
 //!
+//! With the weights of the recording (R⁻¹ on the noise) it is ‖x̂(0) - x̄‖²_{P₀⁻¹}.
+//!
 //! *An exact recording* leaves σ_v² = 0, and the prior no weight at all: [`tol::START_NOISE`] is
 //! what outputs are taken to deviate by at least.
 
@@ -43,7 +45,7 @@ pub(crate) fn opening_weights(
     let U = inverse_factor(&spread(history, scaling)).ok_or_else(|| {
         Error::rank("history", "states with a covariance", "none that can be factored")
     })?;
-    let noise = regular.mean_cost(&residual(history, scaling));
+    let noise = regular.price(&residual(history, scaling));
     Ok(regular.opening(U * faer::Scale((noise / SPREAD).sqrt())))
 }
 
@@ -65,7 +67,7 @@ fn spread(history: &History, scaling: &Scaling) -> Mat<f64> {
 }
 
 /// U with UᵀU = S⁻¹.
-fn inverse_factor(S: &Mat<f64>) -> Option<Mat<f64>> {
+pub(crate) fn inverse_factor(S: &Mat<f64>) -> Option<Mat<f64>> {
     let n = S.nrows();
     let llt = S.llt(Side::Lower).ok()?;
     let mut U = Mat::from_fn(n, n, |i, j| if i == j { 1.0 } else { 0.0 });

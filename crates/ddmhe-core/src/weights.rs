@@ -4,12 +4,15 @@ use crate::certificate::{Certificate, factor};
 use crate::config::{Config, Weighting};
 use crate::defaults::Defaults;
 use crate::error::Error;
+use crate::process_noise::Driving;
 use crate::scaling::Scaling;
+use crate::start::inverse_factor;
 use ddmhe_run::reweight::reduced;
 use faer::{Mat, Side};
 use std::borrow::Cow;
 
-/// 2ρ^m ‖x̂(t-m) - x̄‖²_P + Σ_j ρ^{j-1} ‖v̂(t-j)‖²_R in scaled units.
+/// 2ρ^m ‖x̂(t-m) - x̄‖²_P + Σ_j ρ^{j-1} ‖v̂(t-j)‖²_R in scaled units; with the weights of the
+/// recording ‖x̂(t-m) - x̄‖²_{P⁻¹} + Σ_j ‖v̂(t-j)‖²_{R⁻¹}, of a stationary covariance P.
 #[derive(Debug, Clone)]
 pub(crate) struct Weights {
     pub rho: f64,
@@ -19,9 +22,10 @@ pub(crate) struct Weights {
     prior: Mat<f64>, // U with P = UᵀU: n × n
     noise: Mat<f64>, // U with R = UᵀU: p × p
     R: Mat<f64>,
-    plain: bool,       // R is diagonal
-    plain_prior: bool, // P is
-    opening: bool,     // the prior is that of an unknown start
+    plain: bool,        // R is diagonal
+    plain_prior: bool,  // P is
+    undiscounted: bool, // the prior has one weight at every depth
+    of_noise: bool,     // R is the inverse of the noise's own covariance
     /// What a scaled output is multiplied with where all outputs are to count alike: 1, or to the
     /// user's units.
     pub alike: Vec<f64>,
@@ -29,7 +33,14 @@ pub(crate) struct Weights {
 
 impl Weights {
     /// A certificate's weights, those of (17) as printed, or those of scaled units.
-    pub fn new(config: &Config, rule: &Defaults, scaling: &Scaling) -> Result<Self, Error> {
+    pub fn new(
+        config: &Config,
+        rule: &Defaults,
+        (scaling, driving): (&Scaling, Option<&Driving>),
+    ) -> Result<Self, Error> {
+        if let Some(weights) = driving.and_then(Weights::recorded) {
+            return Ok(weights);
+        }
         let (unit, unit_y) = scaling.mean_squares();
         let rho = config.rho.unwrap_or(rule.rho);
         let alike: Vec<f64> = scaling.s_y.iter().map(|s| s / unit_y.sqrt()).collect();
@@ -63,6 +74,16 @@ impl Weights {
         }
     }
 
+    /// Those of a recording; None for a disturbance beside others.
+    fn recorded(driving: &Driving) -> Option<Self> {
+        let U = inverse_factor(driving.stationary.as_ref()?)?;
+        let noise: Vec<f64> = driving.R.iter().map(|R| R.sqrt().recip()).collect();
+        let ones = vec![1.0; noise.len()];
+        let plain = Weights::diagonal(1.0, 1.0, &vec![1.0; U.nrows()], &noise, ones);
+        let own = Weights { prior: U, plain_prior: false, of_noise: true, ..plain };
+        Some(Weights { undiscounted: true, ..own })
+    }
+
     /// From the roots of the diagonals of P and R.
     fn diagonal(rho: f64, unit: f64, prior: &[f64], noise: &[f64], alike: Vec<f64>) -> Self {
         let matrix = |d: &[f64], power: i32| {
@@ -76,7 +97,8 @@ impl Weights {
             R: matrix(noise, 2),
             plain: true,
             plain_prior: true,
-            opening: false,
+            undiscounted: false,
+            of_noise: false,
             alike,
         }
     }
@@ -105,7 +127,8 @@ impl Weights {
             R: Mat::from_fn(p, p, |i, j| R[i * p + j]),
             plain: false,
             plain_prior: false,
-            opening: false,
+            undiscounted: false,
+            of_noise: false,
             alike,
         })
     }
@@ -135,15 +158,21 @@ impl Weights {
         costs.sum::<f64>() / variances.len() as f64
     }
 
+    /// Cost of a fitted disturbance of its own deviation: that of a fitted noise of its own, of these
+    /// variances.
+    pub fn price(&self, variances: &[f64]) -> f64 {
+        if self.of_noise { 1.0 } else { self.mean_cost(variances) }
+    }
+
     /// The same for a run from an unknown state: UᵀU is the weight of its first prior, at every
     /// depth.
     pub fn opening(&self, U: Mat<f64>) -> Self {
-        Weights { prior: U, plain_prior: false, opening: true, ..self.clone() }
+        Weights { prior: U, plain_prior: false, undiscounted: true, ..self.clone() }
     }
 
     /// 2ρ^m; 1 for the prior of an unknown start.
     pub fn discount(&self, depth: usize) -> f64 {
-        if self.opening { 1.0 } else { 2.0 * self.rho.powi(depth as i32) }
+        if self.undiscounted { 1.0 } else { 2.0 * self.rho.powi(depth as i32) }
     }
 
     /// √ of the prior's weight in a window of depth m (n × n).

@@ -17,12 +17,14 @@ pub struct Estimate {
     x: PyOnceLock<Py<PyArray1<f64>>>,
     window: PyOnceLock<Py<PyArray2<f64>>>,
     v: PyOnceLock<Py<PyArray2<f64>>>,
+    w: PyOnceLock<Py<PyArray2<f64>>>,
 }
 
 impl Estimate {
     pub fn new(core: &ddmhe_core::Estimate, n: usize, p: usize) -> Self {
-        let (x, window, v) = (PyOnceLock::new(), PyOnceLock::new(), PyOnceLock::new());
-        Estimate { core: core.clone(), n, p, x, window, v }
+        let (x, window) = (PyOnceLock::new(), PyOnceLock::new());
+        let (v, w) = (PyOnceLock::new(), PyOnceLock::new());
+        Estimate { core: core.clone(), n, p, x, window, v, w }
     }
 }
 
@@ -64,7 +66,17 @@ impl Estimate {
         Ok(self.v.get_or_try_init(py, made)?.clone_ref(py))
     }
 
-    /// Cost (17) at the estimate.
+    /// Fitted disturbance (M_t, n); None where none is fitted.
+    #[getter]
+    fn w(&self, py: Python<'_>) -> PyResult<Option<Py<PyArray2<f64>>>> {
+        if self.core.w.is_empty() {
+            return Ok(None);
+        }
+        let made = || array2(py, self.core.w.clone(), self.n).map(Bound::unbind);
+        Ok(Some(self.w.get_or_try_init(py, made)?.clone_ref(py)))
+    }
+
+    /// Cost (17) at the estimate, with that of the disturbance, where one is fitted.
     #[getter]
     fn cost(&self) -> f64 {
         self.core.cost

@@ -56,7 +56,10 @@ use std::sync::MutexGuard;
 /// weights : "auto" | "paper" | "scaled"
 ///     What rho and mu are meant in. "paper": (17) in the units of x and y, as printed. "scaled":
 ///     every channel in units of its own scale (channels of one unit share theirs), so that mu has
-///     no unit. "auto": "paper" beside an explicit rho or mu or a certificate, else "scaled".
+///     no unit. "recorded": those of the recording: its outputs' noise R, its process_noise Q and
+///     the error covariance P that a Kalman filter settles to with them; no rho, no mu, windows of
+///     its linear model. Without bounds this is that filter. "auto": "paper" beside an explicit rho
+///     or mu or a certificate, else "scaled".
 /// start : "recording" | "state" | "unknown", optional
 ///     Where a run starts. "recording": where the recording ends; the log goes on from there, and
 ///     the window starts filled from the recording's end. "state": from x_prior, believed as much
@@ -64,6 +67,14 @@ use std::sync::MutexGuard;
 ///     from a prior that is as wide as the recorded states. Neither start nor x_prior given:
 ///     Algorithm 1 with the last recorded state as prior, which assumes that the run starts at (or
 ///     near) that state.
+/// process_noise : None | "recorded" | "residual" | array (n, n) | "auto"
+///     A disturbance w(k) that is fitted between x(k) and x(k+1), by its covariance (Remark 1), in
+///     products of the units of x. "residual": that of the recording's one-step residuals, right
+///     where the recorded states are exact. "recorded": the share of it that makes the recording
+///     most likely when its states carry reading noise. "auto": "recorded" beside
+///     weights="recorded", else None.
+/// w_bounds : (lo, hi), optional
+///     Box on the fitted disturbance; each side a scalar or (n,).
 ///
 /// Raises
 /// ------
@@ -92,7 +103,8 @@ impl DdMhe {
         signature = (history, *places, **names),
         text_signature = "(history, horizon=None, rho=None, mu=None, x_prior=None, \
             x_bounds=None, x_center=None, v_bounds=None, equilibrium=None, warm_start=None, \
-            space='auto', certificate=None, disturbance=None, *, weights='auto', start=None)"
+            space='auto', certificate=None, disturbance=None, *, weights='auto', start=None, \
+            process_noise='auto', w_bounds=None)"
     )]
     fn new(
         history: &Bound<'_, PyAny>,
@@ -307,11 +319,12 @@ impl DdMhe {
         Ok(self.core()?.settings().mu)
     }
 
-    /// What rho and mu are meant in: "paper" or "scaled".
+    /// What rho and mu are meant in, "paper" or "scaled"; or "recorded".
     #[getter]
     fn weights(&self) -> PyResult<&'static str> {
         Ok(match self.core()?.settings().weights {
             Weighting::Scaled => "scaled",
+            Weighting::Recorded => "recorded",
             Weighting::Auto | Weighting::Paper => "paper",
         })
     }

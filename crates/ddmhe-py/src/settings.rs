@@ -6,11 +6,12 @@
 
 use crate::certificate;
 use crate::convert::{
-    DdmheError, Numbers, flag, nearest, number, pair, raise, shown, side, text, tuple, whole,
+    DdmheError, Numbers, ShapeError, flag, nearest, number, pair, raise, shown, side, text, tuple,
+    whole,
 };
 use crate::history::{Channels, History};
 use crate::spaces;
-use ddmhe_core::{Bounds, Center, Config, Equilibrium, Start, Weighting};
+use ddmhe_core::{Bounds, Center, Config, Equilibrium, ProcessNoise, Start, Weighting};
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyDictMethods, PyTuple};
@@ -19,7 +20,7 @@ use pyo3::types::{PyDict, PyDictMethods, PyTuple};
 type Read = fn(&mut Config, &Given<'_, '_>) -> PyResult<()>;
 
 /// Every setting by its name, in the order of `DdMhe`'s arguments, in which they are read.
-const TABLE: [(&str, Read); 14] = [
+const TABLE: [(&str, Read); 16] = [
     ("horizon", |c, v| put(&mut c.horizon, whole(v.name, v.value))),
     ("rho", |c, v| put(&mut c.rho, number(v.name, v.value))),
     ("mu", |c, v| put(&mut c.mu, number(v.name, v.value))),
@@ -34,14 +35,27 @@ const TABLE: [(&str, Read); 14] = [
     ("disturbance", |c, v| put(&mut c.disturbance, certificate::disturbance(v.value))),
     ("weights", |c, v| set(&mut c.weights, v.choice(&WEIGHTS))),
     ("start", |c, v| set(&mut c.start, v.choice(&STARTS))),
+    ("process_noise", |c, v| set(&mut c.process_noise, v.process_noise())),
+    ("w_bounds", |c, v| put(&mut c.w_bounds, v.bounds(v.n()))),
 ];
 
 /// Settings that may be given by their place; those behind them need their names.
 const POSITIONAL: usize = 12;
 
 /// What `weights` may say.
-pub const WEIGHTS: [(&str, Weighting); 3] =
-    [("auto", Weighting::Auto), ("paper", Weighting::Paper), ("scaled", Weighting::Scaled)];
+pub const WEIGHTS: [(&str, Weighting); 4] = [
+    ("auto", Weighting::Auto),
+    ("paper", Weighting::Paper),
+    ("scaled", Weighting::Scaled),
+    ("recorded", Weighting::Recorded),
+];
+
+/// What `process_noise` may say in words.
+const PROCESS_NOISE: [(&str, ProcessNoise); 3] = [
+    ("auto", ProcessNoise::Auto),
+    ("recorded", ProcessNoise::Recorded),
+    ("residual", ProcessNoise::Residual),
+];
 
 const STARTS: [(&str, Start); 3] =
     [("recording", Start::Recording), ("state", Start::State), ("unknown", Start::Unknown)];
@@ -113,11 +127,27 @@ impl<'py> Given<'_, 'py> {
         })
     }
 
+    /// One of the words, or a covariance (n, n).
+    fn process_noise(&self) -> PyResult<ProcessNoise> {
+        if self.value.extract::<String>().is_ok() {
+            return self.choice(&PROCESS_NOISE);
+        }
+        let (Q, rows, columns) = Numbers::matrix(self.name, self.value, "(n, n)")?;
+        let n = self.n().unwrap_or(rows);
+        if (rows, columns) != (n, n) {
+            let argument = self.name;
+            return Err(ShapeError::new_err(format!(
+                "{argument}: expected shape ({n}, {n}), found ({rows}, {columns})"
+            )));
+        }
+        Ok(ProcessNoise::Given(Q))
+    }
+
     /// What one of the known texts stands for.
-    fn choice<T: Copy>(&self, known: &[(&str, T)]) -> PyResult<T> {
+    fn choice<T: Clone>(&self, known: &[(&str, T)]) -> PyResult<T> {
         let found: Option<String> = self.value.extract().ok();
         let chosen = known.iter().find(|(name, _)| Some(*name) == found.as_deref());
-        chosen.map(|(_, meaning)| *meaning).ok_or_else(|| {
+        chosen.map(|(_, meaning)| meaning.clone()).ok_or_else(|| {
             let names: Vec<String> = known.iter().map(|(name, _)| format!("{name:?}")).collect();
             let found = found.map_or_else(|| shown(self.value), |text| format!("{text:?}"));
             let argument = self.name;
@@ -165,7 +195,8 @@ pub fn bound<'py>(
 }
 
 /// The `Config` of a mapping {name: value} whose names are [known](check_names); None as a value
-/// says "not given"; no `sizes` where no recording is known yet: any sizes do.
+/// says "not given", but of `process_noise`, where it says that there is none; no `sizes` where no
+/// recording is known yet: any sizes do.
 pub fn config(settings: &Bound<'_, PyDict>, sizes: Option<Channels>) -> PyResult<Config> {
     let given = |name: &str| Ok::<_, PyErr>(settings.get_item(name)?.filter(|v| !v.is_none()));
     if given("start")?.is_some() && given("warm_start")?.is_some() {
@@ -178,6 +209,9 @@ pub fn config(settings: &Bound<'_, PyDict>, sizes: Option<Channels>) -> PyResult
         if let Some(value) = given(name)? {
             read(&mut config, &Given { name, value: &value, sizes })?;
         }
+    }
+    if settings.get_item("process_noise")?.is_some_and(|value| value.is_none()) {
+        config.process_noise = ProcessNoise::None;
     }
     Ok(config)
 }

@@ -1,4 +1,5 @@
-//! (16c), (16d): boxes on the states and on the fitted noise, as limits of the window's rows.
+//! (16c), (16d): boxes on the states, on the fitted noise and on the fitted disturbance, as limits
+//! of the window's rows.
 
 use crate::plan::common::Limits;
 use crate::problem::{Data, Scratch, WindowProblem};
@@ -61,6 +62,21 @@ impl WindowProblem<'_> {
             lo[..used].iter_mut().filter(|lo| lo.is_nan()).for_each(|lo| *lo = f64::NEG_INFINITY);
             hi[..used].iter_mut().filter(|hi| hi.is_nan()).for_each(|hi| *hi = f64::INFINITY);
         }
+    }
+
+    /// Bounds on the disturbances, in the user's units, into lo and hi.
+    #[inline(always)]
+    pub(crate) fn limits_of_disturbances(&self, (lo, hi): (&mut [f64], &mut [f64])) {
+        let used = self.depth.layout.disturbances_len();
+        let used = if let Some(w) = self.shared.w_limits {
+            lo[..used].copy_from_slice(&w.lo[..used]);
+            hi[..used].copy_from_slice(&w.hi[..used]);
+            used
+        } else {
+            0
+        };
+        lo[used..].fill(f64::NEG_INFINITY);
+        hi[used..].fill(f64::INFINITY);
     }
 
     /// Moves the states of a window, in the user's units, into the box in force.

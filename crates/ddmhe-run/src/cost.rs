@@ -5,14 +5,18 @@ use crate::problem::{Data, Scratch, WindowProblem};
 use crate::reweight::reduced;
 
 impl WindowProblem<'_> {
-    /// (17): the distance of x̂(t-m) from the prior and the fitted noise v, weighted.
+    /// (17): the distance of x̂(t-m) from the prior and the fitted noise v, weighted; with the
+    /// fitted disturbance, where there is one.
     #[inline(always)]
     pub(crate) fn cost(&self, data: &Data<'_>, s: &mut Scratch<'_>, v: &[f64]) -> f64 {
         let per_s_x = self.shared.per_s_x;
         let moved =
             s.window.iter().zip(per_s_x).zip(data.prior).map(|((x, per), prior)| x * per - prior);
-        let prior =
+        let mut prior =
             self.depth.prior_weight * self.prior_size(moved, &mut s.moved[..data.prior.len()]);
+        if self.depth.layout.driven {
+            prior += self.shared.price * self.disturbance_size(self.disturbances(s.window));
+        }
         prior
             + match self.shared.noise(self.depth.layout) {
                 Some(weights) if data.missing => {
@@ -46,6 +50,15 @@ impl WindowProblem<'_> {
         }
         let size = sum.root();
         size * size
+    }
+
+    /// Σ_k ‖w(k)‖² in their own deviations, ‖·‖²_{Q⁻¹}.
+    fn disturbance_size(&self, w: &[f64]) -> f64 {
+        let n = self.depth.layout.n;
+        let rows = || self.shared.whitening.chunks_exact(n);
+        let along = |row: &[f64], w: &[f64]| row.iter().zip(w).map(|(a, w)| a * w).sum::<f64>();
+        let square = |w: &[f64]| rows().map(|row| along(row, w)).map(|d| d * d).sum::<f64>();
+        w.chunks_exact(n).map(square).sum()
     }
 
     /// The second term of (17) in scaled units for a certificate's R, of the fitted noise v in the

@@ -13,6 +13,8 @@ pub struct Estimate<'a> {
     /// Fitted noise v̂(t-M_t|t) … v̂(t-1|t), M_t·p; NaN where nothing was measured, or where the
     /// output was left out.
     pub v: &'a [f64],
+    /// Fitted disturbance ŵ(t-M_t|t) … ŵ(t-1|t), M_t·n; empty where none is fitted.
+    pub w: &'a [f64],
     /// Cost (17) at the estimate (a weight on ‖α‖² is not part of it).
     pub cost: f64,
     /// What the optimisation found.

@@ -2,7 +2,7 @@
 
 use crate::active_set::problem::{LeastDistance, Outcome, Windows};
 use crate::active_set::working_set::WorkingSet;
-use crate::problem::{Data, Scratch, WindowSolution};
+use crate::problem::{Data, Fit, Scratch, WindowSolution};
 use crate::status::Status;
 
 /// Another way to an answer. A ground station has solvers and memory for it; in flight there is
@@ -38,7 +38,7 @@ pub trait Fallback {
         &self,
         data: &Data<'_>,
         room: (&mut WorkingSet<'_>, &mut Scratch<'_>),
-        answer: (&mut [f64], &mut [f64]),
+        fit: Fit<'_>,
     ) -> Option<WindowSolution>;
 }
 
@@ -73,7 +73,7 @@ impl Fallback for Alone {
         &self,
         _: &Data<'_>,
         _: (&mut WorkingSet<'_>, &mut Scratch<'_>),
-        _: (&mut [f64], &mut [f64]),
+        _: Fit<'_>,
     ) -> Option<WindowSolution> {
         None
     }

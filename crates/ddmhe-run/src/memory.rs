@@ -23,11 +23,12 @@ struct Room {
 }
 
 impl Room {
-    fn new(n: usize, p: usize, depth: usize, r: usize) -> Self {
+    fn new(sizes: Sizes) -> Self {
+        let Sizes { n, p, horizon, rank: r, .. } = sizes;
         Room {
             rank: padded(r),
-            window: padded((depth + 1) * n) + padded(depth * p),
-            outputs: padded(depth * p),
+            window: sizes.layout(horizon).apart(),
+            outputs: padded(horizon * p),
             hessian_factor: r * r.next_multiple_of(4),
             block: padded(p * p),
             moved: padded(n),
@@ -76,7 +77,7 @@ pub fn memory_len(sizes: Sizes) -> usize {
     let Sizes { n, p, horizon, rank, .. } = sizes;
     let stretch = padded(samples(horizon) * p) + padded(samples(horizon) * n);
     let known = padded(horizon * p) + Forced::new(sizes, 0).len();
-    stretch + known + Room::new(n, p, horizon, rank).len(rank)
+    stretch + known + Room::new(sizes).len(rank)
 }
 
 /// The forced motion of the window, and what is left of its outputs: nothing without inputs.
@@ -110,7 +111,7 @@ impl Forced {
 impl<B: AsRef<[f64]> + AsMut<[f64]>> Memory<B> {
     /// In a block of [`memory_len`] zeros.
     pub fn new(sizes: Sizes, block: B) -> Self {
-        let Sizes { n, p, m, horizon, rank, .. } = sizes;
+        let Sizes { n, p, m, horizon, .. } = sizes;
         let samples = samples(horizon);
         let aside = padded(samples * p) + padded(samples * n);
         let forced = Forced::new(sizes, aside + padded(horizon * p));
@@ -123,7 +124,7 @@ impl<B: AsRef<[f64]> + AsMut<[f64]>> Memory<B> {
             depth: 0,
             missing: 0,
             aside,
-            room: Room::new(n, p, horizon, rank),
+            room: Room::new(sizes),
             scratch: forced.end,
             forced,
             sides: 0,

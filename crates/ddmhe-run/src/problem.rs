@@ -25,6 +25,25 @@ pub struct Data<'a> {
     pub x_bounds: Option<Limits<'a>>,
 }
 
+/// Where a window's answer goes, in the user's units.
+#[derive(Debug)]
+pub struct Fit<'a> {
+    /// States ((m+1)·n), oldest first.
+    pub states: &'a mut [f64],
+    /// Fitted noise v (m·p), NaN where not measured.
+    pub v: &'a mut [f64],
+    /// Fitted disturbance w (m·n); empty where none is fitted.
+    pub w: &'a mut [f64],
+}
+
+impl Fit<'_> {
+    /// The same, lent on.
+    #[inline(always)]
+    pub fn lent(&mut self) -> Fit<'_> {
+        Fit { states: self.states, v: self.v, w: self.w }
+    }
+}
+
 /// Numbers that a step works with, each for the deepest window and the highest rank.
 #[derive(Debug)]
 pub struct Scratch<'a> {
@@ -32,7 +51,7 @@ pub struct Scratch<'a> {
     pub unconstrained: &'a mut [f64],
     /// z.
     pub z: &'a mut [f64],
-    /// The answer: states, padded, then outputs, padded.
+    /// The answer: states, outputs and disturbances, each padded.
     pub window: &'a mut [f64],
     /// Lower bounds in the same order.
     pub lo: &'a mut [f64],
@@ -77,6 +96,7 @@ pub struct WindowProblem<'a> {
     pub(crate) gain: Panels<'a>,
     pub(crate) states: Panels<'a>,
     pub(crate) outputs: Panels<'a>,
+    pub(crate) disturbances: Panels<'a>,
     pub(crate) rows: Rows<'a>,
     pub(crate) x_limits: Limits<'a>,
     pub(crate) prior: &'a [f64],
@@ -95,6 +115,7 @@ impl<'a> WindowProblem<'a> {
             gain: Panels::new(layout.seen_len(), depth.gain.of(own)),
             states: Panels::new(depth.rank, depth.states.of(own)),
             outputs: Panels::new(depth.rank, depth.outputs.of(own)),
+            disturbances: Panels::new(depth.rank, depth.disturbances.of(own)),
             rows: depth.rows(own),
             x_limits: Limits { lo: lo.of(own), hi: hi.of(own) },
             prior: depth.prior.of(own),
@@ -121,5 +142,9 @@ impl Windows for WindowProblem<'_> {
         let (c_x, c_y) = self.rows.offset.split_at(split);
         self.states.tall(c_x, z, x);
         self.outputs.tall(c_y, z, y);
+        if self.depth.layout.driven {
+            let first = self.depth.layout.second_split() - split;
+            self.disturbances.tall(&c_y[first..], z, &mut y[first..]);
+        }
     }
 }

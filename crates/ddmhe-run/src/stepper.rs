@@ -25,7 +25,7 @@ use crate::memory::{Memory, Parts, memory_len};
 use crate::panels::Root;
 use crate::plan::bytes::{Plan, PlanError};
 use crate::plan::common::{Limits, Shared};
-use crate::problem::{Data, WindowProblem, WindowSolution};
+use crate::problem::{Data, Fit, WindowProblem, WindowSolution};
 use crate::status::Status;
 use crate::tol;
 
@@ -38,6 +38,15 @@ pub struct Answer<'a> {
     pub window: &'a mut [f64],
     /// Its fitted noise (m·p), NaN where not measured.
     pub v: &'a mut [f64],
+    /// Its fitted disturbance (m·n); empty where none is fitted.
+    pub w: &'a mut [f64],
+}
+
+impl Answer<'_> {
+    #[inline(always)]
+    fn fit(&mut self) -> Fit<'_> {
+        Fit { states: self.window, v: self.v, w: self.w }
+    }
 }
 
 /// What was found of a window before it is handed out.
@@ -123,7 +132,7 @@ impl<B: AsRef<[f64]> + AsMut<[f64]>, F: Fallback> Pass<'_, B, F> {
         let means = self.problem.means(means);
         // the filtering update: x̄(t-M_t) is the estimate that was made then
         let data = Data { prior, outputs, missing, means, x_bounds: self.x_bounds };
-        let answer = (&mut *out.window, &mut *out.v);
+        let answer = out.fit();
         let (problem, fallback) = (self.problem, self.fallback);
         let room = (&mut working, &mut scratch);
         let found = fallback.vectorised(
@@ -133,11 +142,11 @@ impl<B: AsRef<[f64]> + AsMut<[f64]>, F: Fallback> Pass<'_, B, F> {
         if let Some(found) = found {
             return found;
         }
-        let (answer, room) = ((&mut *out.window, &mut *out.v), (&mut working, &mut scratch));
-        if let Some(found) = self.fallback.anew(&data, room, answer) {
+        let room = (&mut working, &mut scratch);
+        if let Some(found) = self.fallback.anew(&data, room, out.fit()) {
             return found;
         }
-        self.problem.rest(&data, &mut scratch, (&mut *out.window, &mut *out.v))
+        self.problem.rest(&data, &mut scratch, out.fit())
     }
 
     /// The same of a window that was changed.
@@ -166,7 +175,7 @@ impl<B: AsRef<[f64]> + AsMut<[f64]>, F: Fallback> Pass<'_, B, F> {
             let Parts { prior, outputs, means, missing, mut scratch, .. } = self.memory.parts();
             let means = self.problem.means(means);
             let data = Data { prior, outputs, missing, means, x_bounds: self.x_bounds };
-            found.solution = self.problem.rest(&data, &mut scratch, (out.window, out.v));
+            found.solution = self.problem.rest(&data, &mut scratch, out.fit());
         }
         found.solution.status = status;
     }
@@ -251,7 +260,7 @@ pub fn smooth<B: AsRef<[f64]> + AsMut<[f64]>>(
 pub struct Stepper<'p, 'm> {
     plan: &'p Plan<'p>,
     memory: Memory<&'m mut [f64]>,
-    answer: &'m mut [f64], // x, window, v of the deepest window
+    answer: &'m mut [f64], // x, window, v, w of the deepest window
     problem: WindowProblem<'p>,
     t: usize,
 }
@@ -260,7 +269,9 @@ impl<'p, 'm> Stepper<'p, 'm> {
     /// Numbers that a stepper needs for this plan.
     pub fn room(plan: &Plan<'_>) -> usize {
         let sizes = plan.shared().sizes;
-        memory_len(sizes) + (sizes.horizon + 2) * sizes.n + sizes.horizon * sizes.p
+        let layout = sizes.layout(sizes.horizon);
+        let answer = sizes.n + layout.states_len() + layout.outputs_len();
+        memory_len(sizes) + answer + layout.disturbances_len()
     }
 
     /// A new run of a plan, in at least [`room`](Self::room) numbers.
@@ -341,11 +352,13 @@ impl<'p, 'm> Stepper<'p, 'm> {
         }
         let layout = self.problem.depth.layout;
         let (x, rest) = self.answer.split_at_mut(n);
-        let (window, v) = rest.split_at_mut((horizon + 1) * n);
+        let (window, rest) = rest.split_at_mut((horizon + 1) * n);
+        let (v, w) = rest.split_at_mut(horizon * p);
         let mut out = Answer {
             x,
             window: &mut window[..layout.states_len()],
             v: &mut v[..layout.outputs_len()],
+            w: &mut w[..layout.disturbances_len()],
         };
         let memory = &mut self.memory;
         let problem = &self.problem;
@@ -357,7 +370,7 @@ impl<'p, 'm> Stepper<'p, 'm> {
             smooth(&self.problem.shared, &mut self.memory, out.window);
         }
         let WindowSolution { status, cost, active, iterations, .. } = found.solution;
-        let Answer { x, window, v } = out;
-        Some(Estimate { x, window, v, cost, status, active, iterations })
+        let Answer { x, window, v, w } = out;
+        Some(Estimate { x, window, v, w, cost, status, active, iterations })
     }
 }

@@ -21,28 +21,27 @@ use crate::active_set::working_set::WorkingSet;
 use crate::fallback::{Fallback, decide};
 use crate::panels::{WIDTH, each, margins, scaled_difference, smaller, sum};
 use crate::plan::common::Limits;
-use crate::problem::{Data, Scratch, WindowProblem, WindowSolution};
+use crate::problem::{Data, Fit, Scratch, WindowProblem, WindowSolution};
 use crate::status::Status;
 use crate::tol;
 
 impl WindowProblem<'_> {
-    /// (16), (17): the minimiser's window into the scratch, and in the user's units its states
-    /// ((m+1)·n) and its fitted noise v (m·p). None where too little is left of the cost without
-    /// the missing outputs: the problem must then be made anew for what was measured.
+    /// (16), (17): the minimiser's window into the scratch, and in the user's units into the answer.
+    /// None where too little is left of the cost without the missing outputs: the problem must then
+    /// be made anew for what was measured.
     #[inline(always)]
     pub fn solve(
         &self,
         fallback: &impl Fallback,
         data: &Data<'_>,
         (working, scratch): (&mut WorkingSet<'_>, &mut Scratch<'_>),
-        (states, v): (&mut [f64], &mut [f64]),
+        fit: Fit<'_>,
     ) -> Option<WindowSolution> {
         let layout = self.depth.layout;
         working.predict(|row| layout.older(row));
-        let found = self.minimise(fallback, data, (working, scratch), v)?;
+        let found = self.minimise(fallback, data, (working, scratch), fit.v)?;
         working.adapt(|row| layout.older(row));
-        self.in_user_units(scratch.window, data.means, states);
-        let cost = self.cost(data, scratch, v);
+        let cost = self.hand_over(data, scratch, fit);
         let sound = cost.is_finite() && self.within_reach(scratch.window);
         let status = if sound { found.status } else { Status::Failed };
         Some(WindowSolution { status, sound, cost, ..found })
@@ -64,8 +63,8 @@ impl WindowProblem<'_> {
         } else {
             self.minimiser(data.prior, data.outputs, s.unconstrained);
         }
-        let (x, bounded) = (self.box_in_force(data), self.shared.sizes.v_bounded);
-        let bounded = x.is_some() || bounded;
+        let x = self.box_in_force(data);
+        let bounded = x.is_some() || self.shared.sizes.v_bounded || self.shared.sizes.w_bounded;
         if working.sides.is_empty() || !bounded {
             self.window(&s.unconstrained[..self.depth.rank], s.window);
             self.residual(data.outputs, s.window, v);
@@ -163,8 +162,13 @@ impl WindowProblem<'_> {
         let split = self.depth.layout.split();
         let Limits { lo, hi } = self.x_limits;
         let (lo, hi) = if own { (&s.lo[..split], &s.hi[..split]) } else { (lo, hi) };
-        let [of_x, of_v] = self.shared.margins;
-        let states = margins(&s.window[..split], lo, hi).map(|margin| of_x.of(margin));
+        let [of_x, of_v, of_w] = self.shared.margins;
+        let mut states = margins(&s.window[..split], lo, hi).map(|margin| of_x.of(margin));
+        if let Some(Limits { lo, hi }) = self.shared.w_limits {
+            let w = self.disturbances(s.window);
+            let own = margins(w, &lo[..w.len()], &hi[..w.len()]).map(|margin| of_w.of(margin));
+            states = each(own, states, smaller);
+        }
         let Some(Limits { lo, hi }) = self.shared.v_limits else { return states };
         let noise = margins(v, &lo[..v.len()], &hi[..v.len()]).map(|margin| of_v.of(margin));
         each(noise, states, smaller)
@@ -180,6 +184,27 @@ impl WindowProblem<'_> {
             s.hi[..split].copy_from_slice(hi);
         }
         self.limits_of_outputs(data, (&mut s.lo[split..len], &mut s.hi[split..len]));
+        if self.depth.layout.driven {
+            let first = self.depth.layout.second_split();
+            self.limits_of_disturbances((&mut s.lo[first..len], &mut s.hi[first..len]));
+        }
+    }
+
+    /// The disturbances of a window (m·n), in the user's units.
+    #[inline(always)]
+    pub(crate) fn disturbances<'b>(&self, window: &'b [f64]) -> &'b [f64] {
+        let layout = self.depth.layout;
+        &window[layout.second_split()..][..layout.disturbances_len()]
+    }
+
+    /// The window in the scratch in the user's units, beside v, which is there; its cost.
+    #[inline(always)]
+    fn hand_over(&self, data: &Data<'_>, s: &mut Scratch<'_>, fit: Fit<'_>) -> f64 {
+        self.in_user_units(s.window, data.means, fit.states);
+        if self.depth.layout.driven {
+            fit.w.copy_from_slice(self.disturbances(s.window));
+        }
+        self.cost(data, s, fit.v)
     }
 
     /// v = y - ŷ (m·p) in the user's units; NaN where not measured.
@@ -221,17 +246,12 @@ impl WindowProblem<'_> {
 
     /// The mean window in the place of one that cannot be computed.
     #[cold]
-    pub fn rest(
-        &self,
-        data: &Data<'_>,
-        s: &mut Scratch<'_>,
-        (states, v): (&mut [f64], &mut [f64]),
-    ) -> WindowSolution {
+    pub fn rest(&self, data: &Data<'_>, s: &mut Scratch<'_>, fit: Fit<'_>) -> WindowSolution {
         let offset = self.rows.offset;
         s.window[..offset.len()].copy_from_slice(offset);
-        self.in_user_units(s.window, data.means, states);
-        self.residual(data.outputs, s.window, v);
-        WindowSolution { sound: true, cost: self.cost(data, s, v), ..WindowSolution::default() }
+        self.residual(data.outputs, s.window, fit.v);
+        let cost = self.hand_over(data, s, fit);
+        WindowSolution { sound: true, cost, ..WindowSolution::default() }
     }
 }
 

@@ -15,6 +15,7 @@ from ddmhe.baselines.base import Baseline, Estimate, Log, recordings
 from ddmhe.baselines.boxes import box
 from ddmhe.baselines.linear_model import LinearModel, given, identified
 from ddmhe.baselines.recorded_noise import recorded_noise
+from ddmhe.baselines.tol import LEAST_OUTPUT_NOISE
 from ddmhe.baselines.weights import PaperWeights, RecordedWeights, root
 from ddmhe.baselines.window import WindowFit, WindowGains, WindowMotion
 from ddmhe.checks import array, check_finite, check_number, check_whole, choice, shown
@@ -206,8 +207,11 @@ class ModelMhe(Baseline):
         self.rho, self.mu = float(rho), float(mu)
         unit = 1.0
         if self.model.residual is not None:
-            noise = float(np.trace(self.model.residual[self.n :, self.n :])) / self.p
-            unit = self.mu * noise if noise > 0 else 1.0
+            noise = np.diag(self.model.residual)[self.n :]
+            if isinstance(model, History):  # an exact one: some noise, else no disturbance costs
+                y = np.concatenate([y for _, y in recordings(model)])
+                noise = np.maximum(noise, LEAST_OUTPUT_NOISE**2 * y.var(axis=0))
+            unit = self.mu * float(noise.mean()) if noise.any() else 1.0
         return PaperWeights(self.rho, self.mu, unit)
 
     def _recorded(self, rho: float | None, mu: float | None) -> RecordedWeights:

@@ -10,6 +10,7 @@ __all__ = [
     "KNOWN_START",
     "LEAST_MU",
     "LEAST_NOISE",
+    "LEAST_OUTPUT_NOISE",
     "LEAST_RATIO",
     "LEAST_SHARE",
     "NONZERO",
@@ -70,6 +71,9 @@ SETTLED = 1e-14
 one."""
 LEAST_NOISE = 1e-18
 """Added to covariances, in units of the recorded variances: rounding, squared."""
+LEAST_OUTPUT_NOISE = 1e-4
+"""Outputs deviate from a model by at least this share of their recorded deviation, where that says
+what a disturbance costs, as in `DdMhe`."""
 LEAST_SHARE = 0.05
 """Outputs keep at least this share of their residual as noise, whatever the noise of the states
 explains: a share of few samples is uncertain by as much."""

@@ -7,7 +7,7 @@ use core::fmt;
 
 const MAGIC: u64 = u64::from_le_bytes(*b"ddmheplN");
 /// Goes up with every change of what a plan holds.
-const FORMAT: f64 = 2.0;
+const FORMAT: f64 = 3.0;
 /// Where the checksum is, which is of everything else.
 const SUM: usize = 3;
 
@@ -75,20 +75,21 @@ impl Common {
     /// depths, and depths of an unknown start.
     pub fn write_header(&self, numbers: &mut [f64], total: usize, blocks: [usize; 2]) {
         let Sizes { n, p, m, lag, horizon, rank, filled, .. } = self.sizes;
-        let Sizes { x_bounded, v_bounded, centered, plain_noise, .. } = self.sizes;
+        let Sizes { x_bounded, v_bounded, w_bounded, driven, .. } = self.sizes;
+        let Sizes { centered, plain_noise, .. } = self.sizes;
         numbers[0] = f64::from_bits(MAGIC);
         numbers[1] = FORMAT;
         let sizes = [n, p, horizon, rank, filled, blocks[0], blocks[1]];
         numbers[2] = total as f64;
         numbers[SUM] = 0.0;
         numbers[4..11].iter_mut().zip(sizes).for_each(|(number, size)| *number = size as f64);
-        numbers[11] = flags(&[x_bounded, v_bounded, centered, plain_noise]);
+        numbers[11] = flags(&[x_bounded, v_bounded, centered, plain_noise, w_bounded, driven]);
         numbers[12] = self.rho;
         numbers[13] = self.unit;
-        let [x, v] = self.margins;
-        let margins = [x.per_largest, x.per_smallest, v.per_largest, v.per_smallest];
-        numbers[14..18].copy_from_slice(&margins);
-        (numbers[18], numbers[19]) = (m as f64, lag as f64);
+        for (margin, at) in self.margins.iter().zip(numbers[14..20].chunks_exact_mut(2)) {
+            at.copy_from_slice(&[margin.per_largest, margin.per_smallest]);
+        }
+        (numbers[20], numbers[21], numbers[22]) = (m as f64, lag as f64, self.price);
     }
 
     /// From its numbers, with the blocks. `largest` is the largest number of this machine's width:
@@ -99,8 +100,8 @@ impl Common {
             *size = whole(*number)?;
         }
         let [n, p, horizon, rank, filled, depths, opening] = sizes;
-        let bits = known_flags(numbers[11])?;
-        let (m, lag) = (whole(numbers[18])?, whole(numbers[19])?);
+        let bits = known_flags(numbers[11], 6)?;
+        let (m, lag) = (whole(numbers[20])?, whole(numbers[21])?);
         let sizes = Sizes {
             n,
             p,
@@ -113,6 +114,8 @@ impl Common {
             v_bounded: bit(bits, 1),
             centered: bit(bits, 2),
             plain_noise: bit(bits, 3),
+            w_bounded: bit(bits, 4),
+            driven: bit(bits, 5),
         };
         let some = n > 0 && p > 0 && horizon > 0 && rank > 0 && depths > 0 && lag > 0;
         if !some || filled > horizon || !sizes.countable(largest) {
@@ -122,7 +125,8 @@ impl Common {
         let common = Common {
             rho: numbers[12],
             unit: numbers[13],
-            margins: [margin(14), margin(16)],
+            margins: [margin(14), margin(16), margin(18)],
+            price: numbers[22],
             ..Common::new(sizes)
         };
         Some((common, [depths, opening]))
@@ -133,7 +137,7 @@ impl Depth {
     /// Into the header of its own numbers.
     pub fn write_header(&self, numbers: &mut [f64]) {
         let Kind { centered, plain_prior, surplus, for_pattern } = self.kind;
-        let Layout { n, p, depth } = self.layout;
+        let Layout { n, p, depth, .. } = self.layout;
         [n, p, depth, self.rank].iter().zip(&mut *numbers).for_each(|(s, at)| *at = *s as f64);
         numbers[4] = flags(&[centered, plain_prior, surplus, for_pattern]);
         numbers[5] = self.prior_weight;
@@ -147,8 +151,8 @@ fn whole(number: f64) -> Option<usize> {
 }
 
 /// Flags, if there is none that this version does not know.
-fn known_flags(number: f64) -> Option<f64> {
-    whole(number).filter(|flags| *flags < 16).map(|_| number)
+fn known_flags(number: f64, known: u32) -> Option<f64> {
+    whole(number).filter(|flags| *flags < 1 << known).map(|_| number)
 }
 
 /// The block of a depth that begins at `at`, if it is within the sizes of the plan: its own are
@@ -157,9 +161,8 @@ fn known_flags(number: f64) -> Option<f64> {
 fn block<'a>(numbers: &'a [f64], at: usize, sizes: &Sizes) -> Option<(Depth, &'a [f64])> {
     let rest = numbers.get(at..)?;
     let head = rest.get(..HEAD)?;
-    let layout = Layout { n: whole(head[0])?, p: whole(head[1])?, depth: whole(head[2])? };
-    let (rank, bits) = (whole(head[3])?, known_flags(head[4])?);
-    let Layout { n, p, depth } = layout;
+    let (n, p, depth) = (whole(head[0])?, whole(head[1])?, whole(head[2])?);
+    let (rank, bits) = (whole(head[3])?, known_flags(head[4], 4)?);
     let within = n == sizes.n && p == sizes.p && (1..=sizes.horizon).contains(&depth);
     if !within || !(1..=sizes.rank).contains(&rank) {
         return None;
@@ -170,6 +173,7 @@ fn block<'a>(numbers: &'a [f64], at: usize, sizes: &Sizes) -> Option<(Depth, &'a
         surplus: bit(bits, 2),
         for_pattern: bit(bits, 3),
     };
+    let layout = sizes.layout(depth);
     let depth = Depth { prior_weight: head[5], ..Depth::new(layout, rank, kind) };
     Some((depth, rest.get(..depth.len)?))
 }

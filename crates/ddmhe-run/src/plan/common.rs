@@ -94,6 +94,10 @@ pub struct Sizes {
     pub x_bounded: bool,
     /// Whether the fitted noise is.
     pub v_bounded: bool,
+    /// Whether the fitted disturbance is.
+    pub w_bounded: bool,
+    /// Whether a disturbance is fitted.
+    pub driven: bool,
     /// Whether bounds on the states are about x_c(t) of the experiment IV-A1.
     pub centered: bool,
     /// Whether the weight of the outputs is diagonal.
@@ -108,17 +112,22 @@ impl Sizes {
     }
 
     /// An upper bound on these, None beyond 64 bits. With S rows that a window slides through and r
-    /// directions, each array has at most (S + r)(r + n + p + m) numbers, or L (n + p + m)² in Θ.
+    /// directions, each array has at most (S + r)(r + 2n + p + m) numbers, or L (n + p + m)² in Θ.
     fn at_most(&self) -> Option<u64> {
         let [n, p, m, lag] = [self.n, self.p, self.m, self.lag].map(|size| size as u64);
         let [M, r] = [self.horizon, self.rank].map(|size| size as u64);
-        let channels = n.checked_add(p)?.checked_add(m)?;
+        let channels = n.checked_mul(2)?.checked_add(p)?.checked_add(m)?;
         let theta = lag.checked_mul(channels)?.checked_mul(channels.checked_add(16)?)?;
         let samples = M.max(32).checked_mul(2)?.checked_add(2)?;
         let rows = samples.checked_mul(channels)?.checked_add(r)?.checked_add(16)?;
         rows.checked_mul(r.checked_add(channels)?.checked_add(16)?)?
             .checked_add(theta)?
             .checked_mul(16)
+    }
+
+    /// Of the windows of a depth.
+    pub fn layout(self, depth: usize) -> Layout {
+        Layout { n: self.n, p: self.p, depth, driven: self.driven }
     }
 
     /// Of the response to known inputs.
@@ -132,12 +141,14 @@ impl Sizes {
 pub struct Common {
     /// Sizes and choices.
     pub sizes: Sizes,
-    /// Of the state rows and of the noise, in the user's units.
-    pub margins: [Margin; 2],
+    /// Of the state rows, of the noise and of the disturbance, in the user's units.
+    pub margins: [Margin; 3],
     /// ρ of (17).
     pub rho: f64,
     /// What the cost in scaled units is to be multiplied with.
     pub unit: f64,
+    /// What a disturbance of its own deviation costs.
+    pub price: f64,
     /// Means of the states (n), in the user's units.
     pub mean_x: Span,
     /// Scales of the states (n): one unit of a scaled deviation.
@@ -160,6 +171,10 @@ pub struct Common {
     pub x_limits: [Span; 2],
     /// Bounds on the noise of every sample of the deepest window (M·p each).
     pub v_limits: [Span; 2],
+    /// Bounds on the disturbances of the deepest window (M·n each).
+    pub w_limits: [Span; 2],
+    /// W with ‖W w‖² the square of a disturbance in its own deviations (n × n, by rows).
+    pub whitening: Span,
     /// ρ^{j-1} for j = 1, …, M.
     pub discount: Span,
     /// Weight of the square of each fitted noise of the deepest window (M·p), if R is diagonal.
@@ -186,11 +201,13 @@ impl Common {
         let bounded = |yes: bool, len: usize| if yes { len } else { 0 };
         let none = Margin { per_largest: 1.0, per_smallest: 1.0 };
         let (x, v) = (bounded(sizes.x_bounded, n), bounded(sizes.v_bounded, M * p));
+        let w = bounded(sizes.w_bounded, M * n);
         let mut common = Common {
             sizes,
-            margins: [none; 2],
+            margins: [none; 3],
             rho: 1.0,
             unit: 1.0,
+            price: 0.0,
             mean_x: next.take(n),
             s_x: next.take(n),
             per_s_x: next.take(n),
@@ -202,6 +219,8 @@ impl Common {
             R: next.take(p * p),
             x_limits: [next.take(x), next.take(x)],
             v_limits: [next.take(v), next.take(v)],
+            w_limits: [next.take(w), next.take(w)],
+            whitening: next.take(bounded(sizes.driven, n * n)),
             discount: next.take(M),
             noise: next.take(bounded(sizes.plain_noise, M * p)),
             means: next.take((M + 1) * n),
@@ -222,11 +241,12 @@ pub struct Shared<'a> {
     /// Sizes and choices.
     pub sizes: Sizes,
     /// See [`Common::margins`].
-    pub margins: [Margin; 2],
+    pub margins: [Margin; 3],
     /// ρ.
     pub rho: f64,
     /// See [`Common::unit`].
     pub unit: f64,
+    pub(crate) price: f64,
     pub(crate) mean_x: &'a [f64],
     pub(crate) s_x: &'a [f64],
     pub(crate) per_s_x: &'a [f64],
@@ -238,6 +258,8 @@ pub struct Shared<'a> {
     pub(crate) R: &'a [f64],
     pub(crate) x_limits: Option<Limits<'a>>,
     pub(crate) v_limits: Option<Limits<'a>>,
+    pub(crate) w_limits: Option<Limits<'a>>,
+    pub(crate) whitening: &'a [f64],
     pub(crate) discount: &'a [f64],
     noise: &'a [f64],
     means: &'a [f64],
@@ -253,12 +275,13 @@ impl<'a> Shared<'a> {
         let of = |span: Span| span.of(numbers);
         let limits =
             |yes: bool, [lo, hi]: [Span; 2]| yes.then(|| Limits { lo: of(lo), hi: of(hi) });
-        let Sizes { x_bounded, v_bounded, .. } = common.sizes;
+        let Sizes { x_bounded, v_bounded, w_bounded, .. } = common.sizes;
         Shared {
             sizes: common.sizes,
             margins: common.margins,
             rho: common.rho,
             unit: common.unit,
+            price: common.price,
             mean_x: of(common.mean_x),
             s_x: of(common.s_x),
             per_s_x: of(common.per_s_x),
@@ -270,6 +293,8 @@ impl<'a> Shared<'a> {
             R: of(common.R),
             x_limits: limits(x_bounded, common.x_limits),
             v_limits: limits(v_bounded, common.v_limits),
+            w_limits: limits(w_bounded, common.w_limits),
+            whitening: of(common.whitening),
             discount: of(common.discount),
             noise: of(common.noise),
             means: of(common.means),

@@ -22,8 +22,8 @@ pub struct Kind {
     pub for_pattern: bool,
 }
 
-/// The block of one depth: where its arrays are. All in scaled units, but for the state rows, which
-/// are in the user's.
+/// The block of one depth: where its arrays are. All in scaled units, but for the state and
+/// disturbance rows, which are in the user's.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Depth {
     /// Sizes of its windows.
@@ -42,6 +42,8 @@ pub struct Depth {
     pub states: Span,
     /// Output rows of A in panels.
     pub outputs: Span,
+    /// Disturbance rows of A in panels, in the user's units.
+    pub disturbances: Span,
     /// c, all rows.
     pub offset: Span,
     /// What a tolerance on each row is in units of.
@@ -69,7 +71,7 @@ impl Depth {
     pub fn new(layout: Layout, rank: usize, kind: Kind) -> Self {
         let mut next = Cursor(HEAD);
         let (split, rows, n) = (layout.split(), layout.apart(), layout.n);
-        let outputs = layout.outputs_len();
+        let (outputs, disturbances) = (layout.outputs_len(), layout.disturbances_len());
         let centered = |len: usize| if kind.centered { len } else { 0 };
         let mut depth = Depth {
             layout,
@@ -78,7 +80,8 @@ impl Depth {
             prior_weight: 1.0,
             gain: next.take(panels_len(rank, layout.seen_len())),
             states: next.take(panels_len(split, rank)),
-            outputs: next.take(panels_len(rows - split, rank)),
+            outputs: next.take(panels_len(padded(outputs), rank)),
+            disturbances: next.take(panels_len(padded(disturbances), rank)),
             z_0: next.take(padded(rank)),
             offset: next.take(rows),
             unit: next.take(rows),

@@ -5,7 +5,7 @@ use crate::fallback::Fallbacks;
 use crate::plan_builder::Prepared;
 use crate::{Bounds, Certificate, Config, History, Space};
 use ddmhe_run::memory::{Memory, Parts, memory_len};
-use ddmhe_run::problem::Data;
+use ddmhe_run::problem::{Data, Fit};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
@@ -77,7 +77,8 @@ fn a_downdate_gives_what_a_new_factorisation_gives() {
                 let Parts { mut scratch, mut working, .. } = memory.parts();
                 let (mut states, mut v) = (vec![0.0; 52], vec![0.0; 24]);
                 let fallback = Fallbacks { design: &design, weights: &design.weights, prepared };
-                let (room, out) = ((&mut working, &mut scratch), (&mut states[..], &mut v[..]));
+                let room = (&mut working, &mut scratch);
+                let out = Fit { states: &mut states, v: &mut v, w: &mut [] };
                 let found = prepared.problem().solve(&fallback, &data, room, out)?;
                 Some((found, states, v))
             };
