@@ -71,7 +71,11 @@ impl Design {
         let weights = Weights::new(config, &rule, (&scaling, driving.as_ref()))?;
         check_weights(&weights, config, &scaling)?;
         let rest = config.rest().filter(|_| rule.noisy);
-        let response = OwnResponse::new(history, &scaling, horizon);
+        let settled = driving.as_ref().filter(|driving| driving.stationary.is_some());
+        let response = match settled {
+            Some(driving) => OwnResponse::of_model(&driving.model, &scaling, horizon),
+            None => OwnResponse::new(history, &scaling, horizon),
+        };
         let scales = (&scaling, response.as_ref());
         let source = Source {
             stack: WindowStack::new(history, scales, horizon, rest).driven_by(driving.as_ref()),
@@ -252,6 +256,7 @@ impl Source<'_> {
             v_bounded: config.v_bounds.is_some(),
             w_bounded: config.w_bounds.is_some(),
             driven: driving.is_some(),
+            recorded: driving.is_some_and(|driving| driving.stationary.is_some()),
             centered: config.x_center == Center::History,
             plain_noise: config.certificate.is_none(),
         };

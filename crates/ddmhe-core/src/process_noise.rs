@@ -19,7 +19,7 @@ use crate::error::Error;
 use crate::history::History;
 use crate::linear_model::LinearModel;
 use crate::recorded_noise::RecordedNoise;
-use crate::riccati::stationary;
+use crate::riccati::{Filter, stationary};
 use crate::scaling::Scaling;
 use crate::space::TrajectorySpace;
 use crate::tol;
@@ -116,6 +116,11 @@ impl Driving {
         }
         self.stationary = Some(P);
         Ok(())
+    }
+
+    /// The filter that a window without bounds is, with the weights of the recording.
+    pub fn filter(&self) -> Option<Filter> {
+        Filter::new(&self.model, (self.stationary.as_ref()?, &self.Q, &self.R))
     }
 
     /// The windows of the linear model without a disturbance: x(0) are their coordinates.

@@ -3,12 +3,16 @@
 
 use crate::active_set::factor::work_len;
 use crate::active_set::working_set::{ActiveBound, Kept, Sides, WorkingSet};
+use crate::kalman::{self, Filtered};
 use crate::panels::padded;
 use crate::plan::common::{Shared, Sizes};
 use crate::problem::Scratch;
 use crate::sliding::SlidingBuffer;
 use crate::tol;
 use core::ops::Range;
+use filtering::Filtering;
+
+mod filtering;
 
 /// Sizes of the room that a step works in, in the order in which it lies in the block.
 #[derive(Debug, Clone, Copy)]
@@ -19,6 +23,7 @@ struct Room {
     hessian_factor: usize,
     block: usize,
     moved: usize,
+    smoothing: usize,
     sides: usize,
 }
 
@@ -32,13 +37,14 @@ impl Room {
             hessian_factor: r * r.next_multiple_of(4),
             block: padded(p * p),
             moved: padded(n),
+            smoothing: if sizes.recorded { kalman::room(sizes) } else { 0 },
             sides: padded(r),
         }
     }
 
     fn len_before_sides(&self) -> usize {
-        let Room { rank, window, outputs, hessian_factor, block, moved, .. } = *self;
-        2 * rank + 3 * window + outputs + hessian_factor + block + moved
+        let Room { rank, window, outputs, hessian_factor, block, moved, smoothing, .. } = *self;
+        2 * rank + 3 * window + outputs + hessian_factor + block + moved + smoothing
     }
 
     fn len(&self, r: usize) -> usize {
@@ -60,6 +66,7 @@ pub struct Memory<B> {
     missing: usize, // NaN among the outputs that are kept
     aside: usize,   // where the outputs are kept that were set aside
     forced: Forced, // where the forced motion is
+    filtering: Filtering,
     room: Room,
     scratch: usize, // where the room begins
     sides: usize,   // active bounds of the last step
@@ -76,7 +83,8 @@ fn samples(depth: usize) -> usize {
 pub fn memory_len(sizes: Sizes) -> usize {
     let Sizes { n, p, horizon, rank, .. } = sizes;
     let stretch = padded(samples(horizon) * p) + padded(samples(horizon) * n);
-    let known = padded(horizon * p) + Forced::new(sizes, 0).len();
+    let filtering = Filtering::new(sizes, 0).end;
+    let known = padded(horizon * p) + Forced::new(sizes, 0).len() + filtering;
     stretch + known + Room::new(sizes).len(rank)
 }
 
@@ -115,6 +123,7 @@ impl<B: AsRef<[f64]> + AsMut<[f64]>> Memory<B> {
         let samples = samples(horizon);
         let aside = padded(samples * p) + padded(samples * n);
         let forced = Forced::new(sizes, aside + padded(horizon * p));
+        let filtering = Filtering::new(sizes, forced.end);
         let slide = |at, width| SlidingBuffer::new(at, width, samples);
         Memory {
             block,
@@ -125,8 +134,9 @@ impl<B: AsRef<[f64]> + AsMut<[f64]>> Memory<B> {
             missing: 0,
             aside,
             room: Room::new(sizes),
-            scratch: forced.end,
+            scratch: filtering.end,
             forced,
+            filtering,
             sides: 0,
             before: 0,
             kept: Kept::default(),
@@ -139,6 +149,7 @@ impl<B: AsRef<[f64]> + AsMut<[f64]>> Memory<B> {
         self.outputs.clear();
         self.states.clear();
         self.inputs.clear();
+        self.filtering.clear();
         (self.depth, self.missing, self.sides, self.before) = (0, 0, 0, 0);
         self.kept = Kept::default();
     }
@@ -263,6 +274,7 @@ impl<B: AsRef<[f64]> + AsMut<[f64]>> Memory<B> {
             missing += usize::from(!within);
         }
         self.missing += missing;
+        self.filtering.push(self.block.as_mut());
         missing
     }
 
@@ -305,23 +317,27 @@ impl<B: AsRef<[f64]> + AsMut<[f64]>> Memory<B> {
     }
 
     fn count_missing(&mut self) {
+        self.filtering.doubted();
         self.missing = self.outputs().iter().filter(|y| y.is_nan()).count();
     }
 
     /// Another newest state, as scaled deviations.
     pub fn replace_newest(&mut self, x: impl Iterator<Item = f64>) {
+        self.unchain();
         let at = self.states.last(1);
         self.block.as_mut()[at].iter_mut().zip(x).for_each(|(slot, x)| *slot = x);
     }
 
     /// Other states for those of a window that is estimated: its past and the newest.
     pub fn replace_states(&mut self, states: impl Iterator<Item = f64>) {
+        self.unchain();
         let at = self.states.last(self.depth + 1);
         self.block.as_mut()[at].iter_mut().zip(states).for_each(|(slot, x)| *slot = x);
     }
 
     /// Other states for those between the oldest and the newest of such a window.
     pub fn replace_past(&mut self, states: impl Iterator<Item = f64>) {
+        self.unchain();
         let at = self.states.last(self.depth);
         self.block.as_mut()[at].iter_mut().zip(states).for_each(|(slot, x)| *slot = x);
     }
@@ -342,6 +358,7 @@ impl<B: AsRef<[f64]> + AsMut<[f64]>> Memory<B> {
         }
         self.outputs.forget();
         self.states.forget();
+        self.filtering.forget();
         if self.inputs.width > 0 {
             self.inputs.forget();
         }
@@ -388,6 +405,7 @@ impl<B: AsRef<[f64]> + AsMut<[f64]>> Memory<B> {
                 (free..free + outputs.len(), Some(x..x + states))
             }
         };
+        let filtered = self.filtered();
         let (window, room) = self.block.as_mut().split_at_mut(self.scratch);
         let (unconstrained, room) = room.split_at_mut(self.room.rank);
         let (z, room) = room.split_at_mut(self.room.rank);
@@ -398,6 +416,7 @@ impl<B: AsRef<[f64]> + AsMut<[f64]>> Memory<B> {
         let (hessian_factor, room) = room.split_at_mut(self.room.hessian_factor);
         let (block, room) = room.split_at_mut(self.room.block);
         let (moved, room) = room.split_at_mut(self.room.moved);
+        let (smoothing, room) = room.split_at_mut(self.room.smoothing);
         let (sides, room) = room.split_at_mut(self.room.sides);
         let (before, work) = room.split_at_mut(self.room.sides);
         let n = self.states.width;
@@ -406,6 +425,7 @@ impl<B: AsRef<[f64]> + AsMut<[f64]>> Memory<B> {
             outputs: &window[outputs],
             means: means.map(|means| &window[means]),
             missing,
+            filtered: filtered.map(|at| filtering::read(window, at)),
             scratch: Scratch {
                 unconstrained,
                 z,
@@ -416,6 +436,7 @@ impl<B: AsRef<[f64]> + AsMut<[f64]>> Memory<B> {
                 hessian_factor,
                 block,
                 moved,
+                smoothing,
                 work,
             },
             working: WorkingSet {
@@ -438,6 +459,8 @@ pub struct Parts<'a> {
     pub means: Option<&'a [f64]>,
     /// Whether there is a NaN among them.
     pub missing: bool,
+    /// The window as a filter has it, with the weights of the recording.
+    pub filtered: Option<Filtered<'a>>,
     /// Room for a step.
     pub scratch: Scratch<'a>,
     /// The active bounds of the last step.

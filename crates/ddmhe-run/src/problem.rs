@@ -3,6 +3,7 @@
 
 use crate::active_set::problem::Windows;
 use crate::active_set::rows::Rows;
+use crate::kalman::Filtered;
 use crate::panels::Panels;
 use crate::plan::common::{Limits, Shared};
 use crate::plan::depth::Depth;
@@ -17,6 +18,9 @@ pub struct Data<'a> {
     pub outputs: &'a [f64],
     /// Whether there is a NaN.
     pub missing: bool,
+    /// The window as a Kalman filter has it, where the weights are the recording's and all of it was
+    /// measured.
+    pub filtered: Option<Filtered<'a>>,
     /// What makes states of the window's deviations, in the user's units ((m+1)·n): the recording's
     /// means, and where there are inputs the forced motion beside them. The outputs are then without
     /// theirs.
@@ -65,6 +69,8 @@ pub struct Scratch<'a> {
     pub block: &'a mut [f64],
     /// n.
     pub moved: &'a mut [f64],
+    /// For the smoother of [`kalman`](crate::kalman).
+    pub smoothing: &'a mut [f64],
     /// Of the active-set method.
     pub work: &'a mut [f64],
 }
@@ -82,6 +88,8 @@ pub struct WindowSolution {
     pub active: usize,
     /// Changes of the active set.
     pub iterations: u32,
+    /// Whether it is what the filter has.
+    pub filtered: bool,
 }
 
 /// Everything about the windows of one depth that depends only on the recording and the settings:

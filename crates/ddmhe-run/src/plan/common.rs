@@ -1,5 +1,6 @@
 //! What all depths of a plan share.
 
+use crate::kalman::{Kalman, KalmanSpans};
 use crate::layout::Layout;
 use crate::panels::padded;
 use crate::response::{Response, ResponseSizes};
@@ -102,6 +103,8 @@ pub struct Sizes {
     pub centered: bool,
     /// Whether the weight of the outputs is diagonal.
     pub plain_noise: bool,
+    /// Whether the weights are those of the recording.
+    pub recorded: bool,
 }
 
 impl Sizes {
@@ -189,6 +192,8 @@ pub struct Common {
     pub outputs: Span,
     /// Its inputs (filled·m).
     pub inputs: Span,
+    /// The filter that a window without bounds is, with the weights of the recording.
+    pub kalman: KalmanSpans,
     /// Numbers in the block, header included.
     pub len: usize,
 }
@@ -228,6 +233,7 @@ impl Common {
             states: next.take((filled + 1) * n),
             outputs: next.take(filled * p),
             inputs: next.take(filled * m),
+            kalman: KalmanSpans::new(sizes, &mut next),
             len: 0,
         };
         common.len = next.0;
@@ -267,6 +273,7 @@ pub struct Shared<'a> {
     pub(crate) states: &'a [f64],
     pub(crate) outputs: &'a [f64],
     pub(crate) inputs: &'a [f64],
+    pub(crate) kalman: Option<Kalman<'a>>,
 }
 
 impl<'a> Shared<'a> {
@@ -302,6 +309,7 @@ impl<'a> Shared<'a> {
             states: of(common.states),
             outputs: of(common.outputs),
             inputs: of(common.inputs),
+            kalman: common.sizes.recorded.then(|| Kalman::new(common, numbers)),
         }
     }
 

@@ -20,6 +20,8 @@ pub struct Kind {
     pub surplus: bool,
     /// Whether it was made for the outputs that one window has.
     pub for_pattern: bool,
+    /// Whether its minimiser is a Kalman filter's where no bound is active.
+    pub filtered: bool,
 }
 
 /// The block of one depth: where its arrays are. All in scaled units, but for the state and
