@@ -246,6 +246,22 @@ fn write_filter(common: &Common, driving: &Driving, filter: &Filter, block: &mut
     ] {
         write_panels(M.shape(), |i, j| M[(i, j)], span.of_mut(block.numbers_mut()));
     }
+    let rows = |M: &Mat<f64>| {
+        (0..M.nrows() * M.ncols()).map(|k| M[(k / M.ncols(), k % M.ncols())]).collect::<Vec<_>>()
+    };
+    for (M, span) in [
+        (&model.A, spans.A),
+        (&model.B, spans.B),
+        (&model.C, spans.C),
+        (&model.D, spans.D),
+        (&driving.Q, spans.Q),
+        (&filter.P, spans.P),
+        (&filter.information, spans.information),
+    ] {
+        block.write(span, rows(M));
+    }
+    block.write(spans.e, model.e.iter().copied());
+    block.write(spans.R, driving.R.iter().copied());
     block.write(spans.offset, filter.offset.iter().copied());
     block.write(spans.output_offset, model.r.iter().copied());
 }

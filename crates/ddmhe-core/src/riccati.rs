@@ -1,5 +1,6 @@
 //! The error covariance that a Kalman filter settles to, and that filter.
 
+use crate::covariance::inverse_factor;
 use crate::linear_model::LinearModel;
 
 use faer::linalg::solvers::Solve;
@@ -52,6 +53,10 @@ pub(crate) struct Filter {
     pub offset: Vec<f64>,
     /// \[P λ(k); Q λ(k); λ(k-1)\] of \[λ(k); ν(k-1)\].
     pub smoother: Mat<f64>,
+    /// P, and its inverse.
+    pub P: Mat<f64>,
+    /// See [`P`](Self::P).
+    pub information: Mat<f64>,
 }
 
 impl Filter {
@@ -81,6 +86,8 @@ impl Filter {
         smoother.submatrix_mut(n, 0, n, n).copy_from(Q);
         smoother.submatrix_mut(2 * n, 0, n, n).copy_from((A - &L * C).transpose());
         smoother.submatrix_mut(2 * n, n, n, p).copy_from(C.transpose() * W.transpose());
-        Some(Filter { ahead, offset, smoother })
+        let U = inverse_factor(P)?;
+        let information = U.transpose() * &U;
+        Some(Filter { ahead, offset, smoother, P: P.clone(), information })
     }
 }

@@ -46,7 +46,8 @@ pub(crate) struct Saved {
     bounds: Vec<f64>,
     active: Vec<(usize, f64)>, // rows and sides of the active bounds
     moves: bool,
-    chain: bool, // whether the estimates are one filter's
+    chain: bool,    // whether the estimates are one filter's
+    tail: Vec<f64>, // covariance of the oldest, unless it is the stationary one
     seen: Seen,
     seen_inputs: SeenInputs,
     pub start: Start, // of the run, which reset may have changed
@@ -112,6 +113,7 @@ impl Run {
             active: self.memory.active().map(|side| (side.row, side.sign)).collect(),
             moves: self.memory.moves(),
             chain: self.memory.is_chain(),
+            tail: self.memory.tail().map_or_else(Vec::new, <[f64]>::to_vec),
             seen: self.seen.clone(),
             seen_inputs: self.seen_inputs.clone(),
             start: self.start,
@@ -122,7 +124,8 @@ impl Run {
 
     /// Continues a saved run from the same start.
     pub fn resume(&mut self, design: &Design, saved: Saved) -> Result<(), Error> {
-        let Saved { window, bounds, moves, chain, seen, seen_inputs, t, estimate, .. } = saved;
+        let Saved { window, bounds, moves, chain, tail, .. } = saved;
+        let Saved { seen, seen_inputs, t, estimate, .. } = saved;
         let Samples { states, outputs, inputs } = &window;
         let (n, p, m) = (design.history.n(), design.history.p(), design.history.m());
         let samples = outputs.len() / p;
@@ -137,6 +140,7 @@ impl Run {
             && t < usize::MAX / 2
             && estimate.fits(n, p)
             && (estimate.w.is_empty() || design.driving.is_some())
+            && (tail.is_empty() || design.ground.sizes().recorded && tail.len() == n * n)
             && design.input_watch.allows(&seen_inputs)
             && estimate.v.len() <= design.settings.horizon * p
             && (active.is_empty() || design.problem(samples).allows(&active));
@@ -150,9 +154,13 @@ impl Run {
         check_measured("blob", outputs, p)?;
         check_finite("blob", states, n)?;
         check_finite("blob", inputs, m)?;
+        check_finite("blob", &tail, n)?;
         design.watch.check(&seen)?;
         self.refill(design, &window);
         self.memory.resume(design.problem(samples).layout().depth, &active, moves);
+        if !tail.is_empty() {
+            self.memory.set_tail(&tail);
+        }
         if chain {
             self.memory.chain(&design.ground.shared());
         }
@@ -217,7 +225,7 @@ impl Run {
         let mut pass = Pass { problem, memory, fallback, x_bounds: None };
         let Some(cost) = pass.alone(y, u, &mut self.estimate.x) else { return false };
         if full {
-            self.memory.forget();
+            self.memory.forget(&design.problems[0].problem().shared);
         }
         (self.estimate.cost, self.estimate.status) = (cost, Status::Optimal);
         (self.estimate.active, self.estimate.iterations) = (0, 0);
@@ -239,7 +247,7 @@ impl Run {
     ) -> &Estimate {
         let horizon = design.settings.horizon;
         if self.memory.len() == horizon {
-            self.memory.forget();
+            self.memory.forget(&design.problems[0].problem().shared);
             if let Some(bound) = &mut self.bound {
                 bound.forget();
             }

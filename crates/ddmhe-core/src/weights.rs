@@ -2,11 +2,11 @@
 
 use crate::certificate::{Certificate, factor};
 use crate::config::{Config, Weighting};
+use crate::covariance::inverse_factor;
 use crate::defaults::Defaults;
 use crate::error::Error;
 use crate::process_noise::Driving;
 use crate::scaling::Scaling;
-use crate::start::inverse_factor;
 use ddmhe_run::reweight::reduced;
 use faer::{Mat, Side};
 use std::borrow::Cow;
@@ -172,6 +172,15 @@ impl Weights {
     pub fn opening(&self, U: Mat<f64>) -> Self {
         let own = Weights { prior: U, plain_prior: false, settled: false, ..self.clone() };
         Weights { undiscounted: true, ..own }
+    }
+
+    /// With a prior whose weight (n × n) lacks this (by rows), where outputs before the window were
+    /// lost. None where nothing is left of it.
+    pub fn lacking(&self, lost: &[f64]) -> Option<Self> {
+        let n = self.prior.nrows();
+        let whole = self.prior.transpose() * &self.prior;
+        let rest: Vec<f64> = (0..n * n).map(|k| whole[(k / n, k % n)] - lost[k]).collect();
+        Some(Weights { prior: factor(&rest, n)?, settled: false, ..self.clone() })
     }
 
     /// Whether P is the covariance that a Kalman filter with these weights settles to.

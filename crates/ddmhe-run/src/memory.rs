@@ -11,8 +11,10 @@ use crate::sliding::SlidingBuffer;
 use crate::tol;
 use core::ops::Range;
 use filtering::Filtering;
+use losses::Losses;
 
 mod filtering;
+mod losses;
 
 /// Sizes of the room that a step works in, in the order in which it lies in the block.
 #[derive(Debug, Clone, Copy)]
@@ -37,7 +39,7 @@ impl Room {
             hessian_factor: r * r.next_multiple_of(4),
             block: padded(p * p),
             moved: padded(n),
-            smoothing: if sizes.recorded { kalman::room(sizes) } else { 0 },
+            smoothing: if sizes.recorded { kalman::room(n, p) } else { 0 },
             sides: padded(r),
         }
     }
@@ -67,6 +69,7 @@ pub struct Memory<B> {
     aside: usize,   // where the outputs are kept that were set aside
     forced: Forced, // where the forced motion is
     filtering: Filtering,
+    losses: Losses,
     room: Room,
     scratch: usize, // where the room begins
     sides: usize,   // active bounds of the last step
@@ -83,7 +86,7 @@ fn samples(depth: usize) -> usize {
 pub fn memory_len(sizes: Sizes) -> usize {
     let Sizes { n, p, horizon, rank, .. } = sizes;
     let stretch = padded(samples(horizon) * p) + padded(samples(horizon) * n);
-    let filtering = Filtering::new(sizes, 0).end;
+    let filtering = Losses::new(sizes, Filtering::new(sizes, 0).end).end;
     let known = padded(horizon * p) + Forced::new(sizes, 0).len() + filtering;
     stretch + known + Room::new(sizes).len(rank)
 }
@@ -124,6 +127,7 @@ impl<B: AsRef<[f64]> + AsMut<[f64]>> Memory<B> {
         let aside = padded(samples * p) + padded(samples * n);
         let forced = Forced::new(sizes, aside + padded(horizon * p));
         let filtering = Filtering::new(sizes, forced.end);
+        let losses = Losses::new(sizes, filtering.end);
         let slide = |at, width| SlidingBuffer::new(at, width, samples);
         Memory {
             block,
@@ -134,9 +138,10 @@ impl<B: AsRef<[f64]> + AsMut<[f64]>> Memory<B> {
             missing: 0,
             aside,
             room: Room::new(sizes),
-            scratch: filtering.end,
+            scratch: losses.end,
             forced,
             filtering,
+            losses,
             sides: 0,
             before: 0,
             kept: Kept::default(),
@@ -150,6 +155,7 @@ impl<B: AsRef<[f64]> + AsMut<[f64]>> Memory<B> {
         self.states.clear();
         self.inputs.clear();
         self.filtering.clear();
+        self.losses.clear();
         (self.depth, self.missing, self.sides, self.before) = (0, 0, 0, 0);
         self.kept = Kept::default();
     }
@@ -351,7 +357,8 @@ impl<B: AsRef<[f64]> + AsMut<[f64]>> Memory<B> {
 
     /// Forgets the oldest output with its inputs, and the oldest state.
     #[inline]
-    pub fn forget(&mut self) {
+    pub fn forget(&mut self, shared: &Shared<'_>) {
+        self.forget_covariance(shared.kalman.as_ref().map(|kalman| &kalman.model));
         if self.missing > 0 {
             let oldest = &self.outputs()[..self.outputs.width];
             self.missing -= oldest.iter().filter(|y| y.is_nan()).count();
@@ -405,7 +412,7 @@ impl<B: AsRef<[f64]> + AsMut<[f64]>> Memory<B> {
                 (free..free + outputs.len(), Some(x..x + states))
             }
         };
-        let filtered = self.filtered();
+        let (filtered, lacking) = (self.filtered(), self.losses.loss(self.states.width));
         let (window, room) = self.block.as_mut().split_at_mut(self.scratch);
         let (unconstrained, room) = room.split_at_mut(self.room.rank);
         let (z, room) = room.split_at_mut(self.room.rank);
@@ -425,7 +432,8 @@ impl<B: AsRef<[f64]> + AsMut<[f64]>> Memory<B> {
             outputs: &window[outputs],
             means: means.map(|means| &window[means]),
             missing,
-            filtered: filtered.map(|at| filtering::read(window, at)),
+            filtered: filtered.map(|at| at.of(window)),
+            lacking: lacking.map(|at| &window[at]),
             scratch: Scratch {
                 unconstrained,
                 z,
@@ -461,6 +469,8 @@ pub struct Parts<'a> {
     pub missing: bool,
     /// The window as a filter has it, with the weights of the recording.
     pub filtered: Option<Filtered<'a>>,
+    /// What the weight of the prior lacks.
+    pub lacking: Option<&'a [f64]>,
     /// Room for a step.
     pub scratch: Scratch<'a>,
     /// The active bounds of the last step.

@@ -21,6 +21,9 @@ pub struct Data<'a> {
     /// The window as a Kalman filter has it, where the weights are the recording's and all of it was
     /// measured.
     pub filtered: Option<Filtered<'a>>,
+    /// What the weight of the prior lacks (n·n, by rows, in scaled units), where outputs before the
+    /// window were lost.
+    pub lacking: Option<&'a [f64]>,
     /// What makes states of the window's deviations, in the user's units ((m+1)·n): the recording's
     /// means, and where there are inputs the forced motion beside them. The outputs are then without
     /// theirs.
@@ -130,6 +133,14 @@ impl<'a> WindowProblem<'a> {
             center: depth.center.of(own),
             center_gain: Panels::new(layout.outputs_len(), depth.center_gain.of(own)),
         }
+    }
+}
+
+impl Data<'_> {
+    /// Whether the cost is another than the one that was prepared.
+    #[inline(always)]
+    pub fn is_reweighted(&self) -> bool {
+        self.missing || self.lacking.is_some()
     }
 }
 

@@ -153,11 +153,12 @@ impl<B: AsRef<[f64]> + AsMut<[f64]>, F: Fallback> Pass<'_, B, F> {
     /// The minimiser over the window in memory.
     #[inline(always)]
     fn minimise(&mut self, out: &mut Answer<'_>) -> WindowSolution {
-        let Parts { prior, outputs, means, missing, filtered, mut scratch, mut working } =
+        let Parts { prior, outputs, means, missing, filtered, lacking, mut scratch, mut working } =
             self.memory.parts();
         let means = self.problem.means(means);
         // the filtering update: x̄(t-M_t) is the estimate that was made then
-        let data = Data { prior, outputs, missing, filtered, means, x_bounds: self.x_bounds };
+        let x_bounds = self.x_bounds;
+        let data = Data { prior, outputs, missing, filtered, lacking, means, x_bounds };
         let answer = out.fit();
         let (problem, fallback) = (self.problem, self.fallback);
         let room = (&mut working, &mut scratch);
@@ -200,8 +201,8 @@ impl<B: AsRef<[f64]> + AsMut<[f64]>, F: Fallback> Pass<'_, B, F> {
         if !found.solution.sound {
             let Parts { prior, outputs, means, missing, mut scratch, .. } = self.memory.parts();
             let means = self.problem.means(means);
-            let (filtered, x_bounds) = (None, self.x_bounds);
-            let data = Data { prior, outputs, missing, filtered, means, x_bounds };
+            let (filtered, lacking, x_bounds) = (None, None, self.x_bounds);
+            let data = Data { prior, outputs, missing, filtered, lacking, means, x_bounds };
             found.solution = self.problem.rest(&data, &mut scratch, out.fit());
         }
         found.solution.status = status;
@@ -261,8 +262,8 @@ impl<B: AsRef<[f64]> + AsMut<[f64]>, F: Fallback> Pass<'_, B, F> {
     /// The window with its states moved into a box; None: the configured one.
     fn move_into(&mut self, x_bounds: Option<Limits<'_>>, out: &mut Answer<'_>) {
         let Parts { prior, outputs, means, missing, mut scratch, .. } = self.memory.parts();
-        let (filtered, means) = (None, self.problem.means(means));
-        let data = Data { prior, outputs, missing, filtered, means, x_bounds };
+        let (filtered, lacking, means) = (None, None, self.problem.means(means));
+        let data = Data { prior, outputs, missing, filtered, lacking, means, x_bounds };
         self.problem.confine(&data, &mut scratch, out.window);
     }
 }
@@ -369,7 +370,7 @@ impl<'p, 'm> Stepper<'p, 'm> {
             return None;
         }
         if self.memory.len() == horizon {
-            self.memory.forget();
+            self.memory.forget(&self.problem.shared);
         }
         let outputs = self.memory.len() + 1;
         if self.t < horizon {

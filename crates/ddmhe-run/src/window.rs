@@ -60,14 +60,15 @@ impl WindowProblem<'_> {
     ) -> Option<WindowSolution> {
         let x = self.box_in_force(data);
         let bounded = x.is_some() || self.shared.sizes.v_bounded || self.shared.sizes.w_bounded;
-        let closed = working.sides.is_empty() || !bounded;
-        let filtered = data.filtered.filter(|_| closed);
-        let mut changed = false;
-        if data.missing {
+        if data.is_reweighted() {
             working.clear();
-            changed = self.without_missing(data, s)?;
-        } else if let Some(filtered) = filtered {
+        }
+        let mut changed = false;
+        let filtered = data.filtered.filter(|_| working.sides.is_empty() || !bounded);
+        if let Some(filtered) = filtered {
             self.smoothed(filtered, data, s);
+        } else if data.is_reweighted() {
+            changed = self.without_missing(data, s)?;
         } else {
             self.minimiser(data.prior, data.outputs, s.unconstrained);
         }
@@ -94,7 +95,9 @@ impl WindowProblem<'_> {
         if margin >= -tol::FEASIBLE {
             return optimal(self.count_active(s));
         }
-        if filtered.is_some() {
+        if filtered.is_some() && data.is_reweighted() {
+            changed = self.without_missing(data, s)?;
+        } else if filtered.is_some() {
             self.minimiser(data.prior, data.outputs, s.unconstrained);
         }
         self.nearest(fallback, data, changed, (working, s), v)
@@ -127,7 +130,7 @@ impl WindowProblem<'_> {
         } else {
             fallback.two_stages(&problem, (working, s.work), s.z, s.window)
         };
-        if data.missing {
+        if data.is_reweighted() {
             working.forget_factor(); // of this Hessian, or of the problem made for this window
         }
         self.residual(data.outputs, s.window, v);

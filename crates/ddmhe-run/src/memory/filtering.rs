@@ -6,6 +6,7 @@ use crate::panels::{dot, padded};
 use crate::plan::common::{Shared, Sizes};
 use crate::sliding::SlidingBuffer;
 use crate::tol;
+use core::ops::Range;
 
 /// Where what the filter makes is kept; nothing without the weights of the recording.
 #[derive(Debug, Clone)]
@@ -29,6 +30,8 @@ enum Way {
     Chain,
     /// From x̄.
     Pass,
+    /// From x̄ on with covariances of their own: outputs were lost in it, or before it.
+    Losses,
 }
 
 impl Filtering {
@@ -79,11 +82,17 @@ impl Filtering {
 }
 
 impl<B: AsRef<[f64]> + AsMut<[f64]>> Memory<B> {
-    /// The window of this step, `filtered` if its problem is and all of it was measured: by one step from the estimate
-    /// before where all estimates in the window are one filter's, else from x̄ on.
+    /// The window of this step, if its problem is `filtered`: by one step from the estimate before
+    /// where all estimates in the window are one filter's, else from x̄ on.
     #[inline(always)]
     pub(crate) fn filter(&mut self, kalman: &Kalman<'_>, filtered: bool) {
-        let all = filtered && !self.missing();
+        if !filtered {
+            (self.filtering.unfiltered, self.filtering.depth) = (0, self.depth);
+            (self.filtering.chain, self.filtering.found) = (false, None);
+            self.losses.clear_prior();
+            return;
+        }
+        let all = self.settle_prior(&kalman.model) && !self.missing();
         // an estimate after each output, and none in the window that no window before held
         let whole = self.filtering.unfiltered == 1 && self.depth <= self.filtering.depth + 1;
         (self.filtering.unfiltered, self.filtering.depth) = (0, self.depth);
@@ -97,7 +106,10 @@ impl<B: AsRef<[f64]> + AsMut<[f64]>> Memory<B> {
                 self.pass(kalman);
                 Some(Way::Pass)
             }
-            false => None,
+            false => {
+                self.pass_losses(&kalman.model);
+                Some(Way::Losses)
+            }
         };
     }
 
@@ -151,13 +163,20 @@ impl<B: AsRef<[f64]> + AsMut<[f64]>> Memory<B> {
 
     /// The window of this step as the filter has it.
     #[inline(always)]
-    pub(super) fn filtered(&self) -> Option<[core::ops::Range<usize>; 3]> {
+    pub(super) fn filtered(&self) -> Option<Found> {
         let (n, p, depth) = (self.states.width, self.outputs.width, self.depth);
         let Filtering { ahead, predicted, whitened, .. } = self.filtering;
         let next = ahead..ahead + n;
         Some(match self.filtering.found? {
-            Way::Chain => [self.states.last(depth), self.filtering.innovations.last(depth), next],
-            Way::Pass => [predicted..predicted + depth * n, whitened..whitened + depth * p, next],
+            Way::Chain => {
+                let innovations = self.filtering.innovations.last(depth);
+                Found::Settled([self.states.last(depth), innovations, next])
+            }
+            Way::Pass => {
+                let past = predicted..predicted + depth * n;
+                Found::Settled([past, whitened..whitened + depth * p, next])
+            }
+            Way::Losses => Found::Losses(self.losses.window(depth, n), self.losses.cost),
         })
     }
 
@@ -232,8 +251,26 @@ impl<B: AsRef<[f64]> + AsMut<[f64]>> Memory<B> {
     }
 }
 
-/// What [`Memory::filtered`] found, to be read.
-pub(super) fn read(block: &[f64], at: [core::ops::Range<usize>; 3]) -> Filtered<'_> {
-    let [past, innovations, next] = at;
-    Filtered { past: &block[past], innovations: &block[innovations], next: &block[next] }
+/// Where a [`Filtered`] is.
+pub(super) enum Found {
+    Settled([Range<usize>; 3]),
+    Losses([Range<usize>; 2], f64),
+}
+
+impl Found {
+    /// To be read.
+    pub fn of(self, block: &[f64]) -> Filtered<'_> {
+        match self {
+            Found::Settled([past, innovations, next]) => Filtered::Settled {
+                past: &block[past],
+                innovations: &block[innovations],
+                next: &block[next],
+            },
+            Found::Losses([states, disturbances], cost) => Filtered::Losses {
+                states: &block[states],
+                disturbances: &block[disturbances],
+                cost,
+            },
+        }
+    }
 }

@@ -3,7 +3,7 @@
 use crate::active_set::rows::Rows;
 use crate::layout::Layout;
 use crate::panels::{padded, panels_len};
-use crate::plan::common::{Cursor, Span};
+use crate::plan::span::{Cursor, Span};
 use crate::tol;
 
 /// Numbers in the header of the block of one depth.

@@ -75,6 +75,7 @@ fn a_downdate_gives_what_a_new_factorisation_gives() {
                 outputs: &y,
                 missing: true,
                 filtered: None,
+                lacking: None,
                 means,
                 x_bounds: None,
             };
