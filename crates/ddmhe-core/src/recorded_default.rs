@@ -21,9 +21,9 @@
 
 use crate::config::{Center, Config, ProcessNoise, Weighting};
 use crate::defaults::Defaults;
+use crate::driving::Driving;
 use crate::history::History;
 use crate::linear_model::LinearModel;
-use crate::process_noise::Driving;
 use crate::recorded_noise::RecordedNoise;
 use crate::riccati::Filter;
 use crate::scaling::{EXACT, Scaling};
