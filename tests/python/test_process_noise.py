@@ -205,7 +205,7 @@ SETTINGS = {
     "given": {"process_noise": 1e-3 * np.eye(3), "horizon": 9, "rho": 0.9, "mu": 2.0},
     "scaled": {"process_noise": "residual", "weights": "scaled", "mu": 0.3},
     "truncated": {"process_noise": "residual", "space": ddmhe.Truncated(3), "horizon": 6},
-    "boxed": {"process_noise": "residual", "horizon": 8, "w_bounds": (-0.01, [0.01, 0.02, 0.1])},
+    "boxed": {"process_noise": "residual", "horizon": 8, "w_bounds": (-2e-4, [3e-4, 3e-4, 0.1])},
     "unknown": {"process_noise": "recorded", "start": "unknown", "horizon": 7},
 }
 
@@ -242,8 +242,8 @@ def test_steps_runs_snapshots_and_copies_are_the_same_numbers(name, driven_case)
         np.testing.assert_array_equal(e.x, e.window[-1])
     if name == "boxed":
         w = np.concatenate([e.w for e in steps])
-        assert (w >= -0.01 - 1e-9).all()
-        assert (w <= np.array([0.01, 0.02, 0.1]) + 1e-9).all()
+        assert (w >= -2e-4 - 1e-9).all()
+        assert (w <= np.array([3e-4, 3e-4, 0.1]) + 1e-9).all()
         assert sum(e.active > 0 for e in steps) > 3
     again = ddmhe.DdMhe(case.history, **settings).run(Y, case.U)
     np.testing.assert_array_equal(again.x, log.x)
