@@ -3,7 +3,6 @@ problem as written. Nothing here shares code with the package."""
 
 from dataclasses import dataclass
 
-import cvxpy as cp
 import numpy as np
 import scipy.linalg
 
@@ -67,13 +66,10 @@ def no_inputs(U, steps):
 
 
 def stationary(model, Q):
-    """P of the Riccati recursion, run until it stands."""
-    P = Q + np.eye(len(Q))
-    for _ in range(200_000):
-        before = P
+    """P = A(P - PCᵀ(CPCᵀ + R)⁻¹CP)Aᵀ + Q, by scipy."""
+    P = scipy.linalg.solve_discrete_are(model.A.T, model.C.T, Q, model.R)
+    for _ in range(50):  # its last digits
         P = following(model, Q, P, np.full(len(model.r), True))
-        if np.abs(P - before).max() < 1e-15 * np.abs(P).max():
-            break
     return P
 
 
@@ -145,22 +141,20 @@ def blocks(m, b, n):
     return np.kron(ones, np.eye(n)), lengths
 
 
-def window_map(moved, x_bar, P, y, noise, prior_cov):
-    """Mean of z given the outputs seen, with the covariance `prior_cov` of z; the cost there.
+def most_likely(model, prior, Y, U):
+    """States, disturbance and noise of a window by covariances, and its cost: everything given the
+    outputs seen.
 
-    x_bar: mean of z; P is part of prior_cov; noise (m p, m p)."""
+    prior : x̄ (n,), P and Q (n, n)."""
+    x_bar, P, Q = prior
+    m, n = len(Y), len(x_bar)
+    moved, x_rest, y_rest = by_model(model, m, no_inputs(U, m))
+    mean = np.append(x_bar, np.zeros(n * m))
+    S = scipy.linalg.block_diag(P, *[Q] * m)
+    y, noise = Y.ravel(), scipy.linalg.block_diag(*[model.R] * m)
     seen = ~np.isnan(y)
     Theta = moved.y[seen]
-    S = Theta @ prior_cov @ Theta.T + noise[np.ix_(seen, seen)]
-    error = y[seen] - Theta @ x_bar
-    weighed = np.linalg.solve(S, error)
-    return x_bar + prior_cov @ Theta.T @ weighed, float(error @ weighed)
-
-
-def minimise(cost, constraints):
-    """By an interior-point solver, to its tightest tolerances."""
-    problem = cp.Problem(cp.Minimize(cost), constraints)
-    tight = {"tol_gap_abs": 1e-13, "tol_gap_rel": 1e-13, "tol_feas": 1e-13}
-    problem.solve(solver="CLARABEL", **tight, reduced_tol_gap_abs=1e-9, reduced_tol_feas=1e-9)
-    assert problem.status in ("optimal", "optimal_inaccurate")
-    return problem.value
+    error = y[seen] - y_rest[seen] - Theta @ mean
+    weighed = np.linalg.solve(Theta @ S @ Theta.T + noise[np.ix_(seen, seen)], error)
+    z = mean + S @ Theta.T @ weighed
+    return moved.x @ z + x_rest, moved.w @ z, y - y_rest - moved.y @ z, error @ weighed
