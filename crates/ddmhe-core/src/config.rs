@@ -208,6 +208,8 @@ pub struct Settings {
     /// Whether the equilibrium was added to the data (a noise-free recording does better without
     /// it).
     pub equilibrium_used: bool,
+    /// For what was left open, in a sentence each, how it was chosen: (name of the setting, why).
+    pub why: Vec<(&'static str, String)>,
 }
 
 /// Every setting alone, before anything is computed.

@@ -14,6 +14,7 @@ use crate::inputs::InputWatch;
 use crate::magnitude::{check_reach, check_ridge, check_scales, check_sizes, check_weights};
 use crate::plan_builder::{Draft, Ground, Prepared, factorisation};
 use crate::process_noise::Driving;
+use crate::recorded_default;
 use crate::remarks::Remarks;
 use crate::response::OwnResponse;
 use crate::scaling::Scaling;
@@ -65,13 +66,44 @@ impl Design {
         start: Start,
         (scaling, rule): (Scaling, Defaults),
     ) -> Result<Self, Error> {
+        if leaves_all_open(config) && recorded_default::leaves_open(config) {
+            return match recorded_default::recorded(history, &scaling, &rule) {
+                Ok(driving) => {
+                    let why = "the recording is one of a linear system that noise drives, by its \
+                        one-step residuals: white, straight and of the size that they predict";
+                    let config = Config { weights: Weighting::Recorded, ..config.clone() };
+                    let driving = Some(driving);
+                    Design::with(history, &config, start, (scaling, rule), (driving, why.into()))
+                }
+                Err(why) => {
+                    let why = format!("not the weights of the recording: {why}");
+                    Design::with(history, config, start, (scaling, rule), (None, why))
+                }
+            };
+        }
+        let horizon = rule.horizon_for(config)?;
+        let driving = Driving::new(history, &scaling, config, horizon)?;
+        Design::with(history, config, start, (scaling, rule), (driving, "as stated".into()))
+    }
+
+    /// With this disturbance; and why the weights are what they are.
+    fn with(
+        history: &History,
+        config: &Config,
+        start: Start,
+        (scaling, rule): (Scaling, Defaults),
+        (driving, why): (Option<Driving>, String),
+    ) -> Result<Self, Error> {
         let horizon = rule.horizon_for(config)?;
         check_excitation(history, horizon)?;
-        let driving = Driving::new(history, &scaling, config, horizon)?;
         let weights = Weights::new(config, &rule, (&scaling, driving.as_ref()))?;
         check_weights(&weights, config, &scaling)?;
         let rest = config.rest().filter(|_| rule.noisy);
-        let response = OwnResponse::new(history, &scaling, horizon);
+        let settled = driving.as_ref().filter(|driving| driving.stationary.is_some());
+        let response = match settled {
+            Some(driving) => OwnResponse::of_model(&driving.model, &scaling, horizon),
+            None => OwnResponse::new(history, &scaling, horizon),
+        };
         let scales = (&scaling, response.as_ref());
         let source = Source {
             stack: WindowStack::new(history, scales, horizon, rest).driven_by(driving.as_ref()),
@@ -84,11 +116,11 @@ impl Design {
             rest,
         };
         let deepest = source.deepest(&rule, horizon)?;
-        let open = leaves_all_open(config) && rest.is_none();
+        let open = leaves_all_open(config) && rest.is_none() && driving.is_none();
         if open && let Some(other) = challenge(history, scales, &rule, deepest.space.lambda) {
-            return Design::by(history, config, start, other);
+            return Design::with(history, config, start, other, (None, why));
         }
-        source.design(start, &rule, deepest)
+        source.design(start, &rule, deepest, why)
     }
 
     /// Makes the problems of the growing windows of a run from an unknown state, unless they are
@@ -234,6 +266,7 @@ impl Source<'_> {
             rank: space.undisturbed(),
             lambda: space.lambda,
             equilibrium_used: self.rest.is_some(),
+            why: Vec::new(),
         }
     }
 
@@ -252,6 +285,7 @@ impl Source<'_> {
             v_bounded: config.v_bounds.is_some(),
             w_bounded: config.w_bounds.is_some(),
             driven: driving.is_some(),
+            recorded: driving.is_some_and(|driving| driving.stationary.is_some()),
             centered: config.x_center == Center::History,
             plain_noise: config.certificate.is_none(),
         };
@@ -263,7 +297,13 @@ impl Source<'_> {
     }
 
     /// With the problems of the shorter windows too.
-    fn design(self, start: Start, rule: &Defaults, deepest: Deepest) -> Result<Design, Error> {
+    fn design(
+        self,
+        start: Start,
+        rule: &Defaults,
+        deepest: Deepest,
+        why: String,
+    ) -> Result<Design, Error> {
         let Source { history, config, .. } = self;
         let Deepest { space, draft, selection, radius } = deepest;
         let horizon = space.depth;
@@ -284,7 +324,8 @@ impl Source<'_> {
             Start::Unknown => Some(self.opening(spaces.iter().chain([&space]), &mut drafts)?),
             _ => None,
         };
-        let (settings, ground) = (self.settings(&space), self.ground(start, horizon, filled, rank));
+        let settings = Settings { why: vec![("weights", why)], ..self.settings(&space) };
+        let ground = self.ground(start, horizon, filled, rank);
         drop((spaces, self.stack));
         let mut problems = Draft::all_on(drafts, &ground);
         let growing = problems.split_off(count);

@@ -51,8 +51,11 @@ impl Fallback for Fallbacks<'_> {
         room: (&mut WorkingSet<'_>, &mut Scratch<'_>),
         fit: Fit<'_>,
     ) -> Option<WindowSolution> {
-        let made = self.design.without_missing(self.prepared, self.weights, data.outputs).ok()?;
-        let fallback = Fallbacks { prepared: &made, ..*self };
+        let lacking = data.lacking.and_then(|lost| self.weights.lacking(lost));
+        let weights = lacking.as_ref().unwrap_or(self.weights);
+        let made = self.design.without_missing(self.prepared, weights, data.outputs).ok()?;
+        let fallback = Fallbacks { prepared: &made, weights, ..*self };
+        let data = &Data { lacking: None, ..*data };
         made.problem().solve(&fallback, data, room, fit)
     }
 }

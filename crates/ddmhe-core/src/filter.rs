@@ -79,7 +79,8 @@ impl<'a> Filters<'a> {
             let (horizon, rested) = (design.settings.horizon, design.settings.equilibrium_used);
             let scales = (&design.scaling, design.response.as_ref());
             let rest = config.rest().filter(|_| rested);
-            let windows = Windows::new(history, scales, horizon, rest);
+            let mut windows = Windows::new(history, scales, horizon, rest);
+            windows.stack = windows.stack.driven_by(design.driving.as_ref());
             let settings = vec![windows.setting(design.weights.clone(), design.selection)];
             let settings = windows.deepened(settings, config, &going);
             let Design { scaling, response, .. } = design;
@@ -210,8 +211,9 @@ impl<'a> Windows<'a> {
 
     fn gain(&self, depth: usize, weights: &Weights, selection: &Selection) -> Option<Gain> {
         let (n, p) = (self.history.n(), self.history.p());
-        let layout = Layout { n, p, depth, driven: false };
-        Gain::new(layout, &self.stack.space(depth, selection), weights)
+        let space = self.stack.space(depth, selection);
+        let layout = Layout { n, p, depth, driven: space.driven.is_some() };
+        Gain::new(layout, &space, weights)
     }
 }
 

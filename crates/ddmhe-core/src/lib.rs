@@ -87,6 +87,7 @@
 mod certificate;
 mod challenge;
 mod config;
+mod covariance;
 pub mod defaults;
 mod design;
 mod error_bound;
@@ -107,6 +108,7 @@ mod own;
 mod plan_builder;
 mod process_noise;
 mod qp;
+mod recorded_default;
 mod recorded_noise;
 mod reduction;
 mod remarks;

@@ -137,17 +137,29 @@ impl DdMhe {
         self.check_inputs("U", us, ys.len() / p)?;
         let mut log = Log::default();
         let mut interrupt = Interrupt::new(stop);
+        let steps = ys.len() / p;
+        let alone = self.run.may_be_alone(&self.design);
         for (k, y) in ys.chunks_exact(p).enumerate() {
-            if interrupt.stopped() {
+            let stopped = interrupt.stopped();
+            if stopped && (k == 0 || !alone) {
                 break;
             }
-            let estimate = self.advance(y, &us[k * m..(k + 1) * m], None);
+            let sample = (y, &us[k * m..(k + 1) * m]);
+            // the window of the last step is there to be looked at
+            let last = stopped || k + 1 == steps;
+            if !alone || last || !self.run.advance_alone(&self.design, sample) {
+                self.run.advance(&self.design, sample, None);
+            }
+            let estimate = &self.run.estimate;
             log.x.extend_from_slice(&estimate.x);
             log.cost.push(estimate.cost);
             log.status.push(estimate.status);
             log.active.push(estimate.active);
             log.iterations.push(estimate.iterations);
             log.bound.extend(estimate.bound);
+            if stopped {
+                break;
+            }
         }
         Ok(log)
     }

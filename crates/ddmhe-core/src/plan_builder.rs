@@ -7,6 +7,7 @@ use crate::first_window::Samples;
 use crate::process_noise::Driving;
 use crate::reduction::{Reduced, reduce};
 use crate::response::OwnResponse;
+use crate::riccati::Filter;
 use crate::scaling::Scaling;
 use crate::space::TrajectorySpace;
 use crate::surplus::Surplus;
@@ -91,6 +92,7 @@ impl Draft {
             plain_prior: weights.plain_prior(),
             surplus: reduced.unseen.is_some(),
             for_pattern: measured.is_some(),
+            filtered: weights.settled() && measured.is_none(),
         };
         let depth = Depth {
             prior_weight: weights.discount(layout.depth) * weights.unit,
@@ -234,6 +236,36 @@ fn write_limits(depth: &Depth, x_bounds: Option<&Bounds>, scaling: &Scaling, blo
     block.write(hi, (0..split).map(|i| limit(high, f64::INFINITY, i)));
 }
 
+/// The filter that a window without bounds is, with the weights of the recording.
+fn write_filter(common: &Common, driving: &Driving, filter: &Filter, block: &mut Block) {
+    let (spans, model) = (common.kalman, &driving.model);
+    for (M, span) in [
+        (&filter.ahead, spans.filter),
+        (&filter.smoother, spans.smoother),
+        (&model.C, spans.output),
+    ] {
+        write_panels(M.shape(), |i, j| M[(i, j)], span.of_mut(block.numbers_mut()));
+    }
+    let rows = |M: &Mat<f64>| {
+        (0..M.nrows() * M.ncols()).map(|k| M[(k / M.ncols(), k % M.ncols())]).collect::<Vec<_>>()
+    };
+    for (M, span) in [
+        (&model.A, spans.A),
+        (&model.B, spans.B),
+        (&model.C, spans.C),
+        (&model.D, spans.D),
+        (&driving.Q, spans.Q),
+        (&filter.P, spans.P),
+        (&filter.information, spans.information),
+    ] {
+        block.write(span, rows(M));
+    }
+    block.write(spans.e, model.e.iter().copied());
+    block.write(spans.R, driving.R.iter().copied());
+    block.write(spans.offset, filter.offset.iter().copied());
+    block.write(spans.output_offset, model.r.iter().copied());
+}
+
 /// Which rows of the window move at all: what is left of one that does not is rounding of the
 /// decomposition, and bounds on it would send the minimiser far away for nothing.
 fn moving(space: &TrajectorySpace) -> Vec<bool> {
@@ -298,6 +330,9 @@ impl Ground {
         }
         block.write(common.R, weights.output_weight());
         block.write(common.discount, (1..=M).map(|age| weights.age(age)));
+        if let Some((driving, filter)) = driving.and_then(|own| Some((own, own.filter()?))) {
+            write_filter(&common, driving, &filter, &mut block);
+        }
         if let Some(noise) = weights.diagonal_noise(M, &scaling.s_y) {
             block.write(common.noise, noise);
         }

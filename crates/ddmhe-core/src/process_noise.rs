@@ -19,9 +19,8 @@ use crate::error::Error;
 use crate::history::History;
 use crate::linear_model::LinearModel;
 use crate::recorded_noise::RecordedNoise;
-use crate::riccati::stationary;
+use crate::riccati::{Filter, stationary};
 use crate::scaling::Scaling;
-use crate::space::TrajectorySpace;
 use crate::tol;
 use ddmhe_run::layout::Layout;
 use faer::{Mat, Side};
@@ -92,12 +91,21 @@ impl Driving {
             ProcessNoise::Given(Q) => (scaled(Q, &scaling.s_x), diagonal(&model.of_outputs())),
             _ => (model.of_states(), diagonal(&model.of_outputs())),
         };
-        let block = if recorded { 1 } else { (horizon / BLOCKS).max(1) };
-        let mut driving = Driving::of(scaling, model, (Q, R), block)?;
         if recorded {
-            driving.settle(scaling)?;
+            return Driving::of_recording(scaling, model, (Q, R)).map(Some);
         }
-        Ok(Some(driving))
+        Driving::of(scaling, model, (Q, R), (horizon / BLOCKS).max(1)).map(Some)
+    }
+
+    /// With the weights of the recording.
+    pub fn of_recording(
+        scaling: &Scaling,
+        model: LinearModel,
+        noise: (Mat<f64>, Vec<f64>),
+    ) -> Result<Self, Error> {
+        let mut driving = Driving::of(scaling, model, noise, 1)?;
+        driving.settle(scaling)?;
+        Ok(driving)
     }
 
     /// The covariance that a Kalman filter settles to.
@@ -118,36 +126,9 @@ impl Driving {
         Ok(())
     }
 
-    /// The windows of the linear model without a disturbance: x(0) are their coordinates.
-    pub fn trajectories(&self, layout: Layout, windows: usize) -> TrajectorySpace {
-        let LinearModel { A, C, e, r, .. } = &self.model;
-        let Layout { n, p, depth, .. } = layout;
-        let mut mean = vec![0.0; depth * (n + p) + n];
-        let mut basis = Mat::zeros(mean.len(), n);
-        let (mut x, mut power) = (Mat::<f64>::zeros(n, 1), Mat::<f64>::identity(n, n));
-        for k in 0..=depth {
-            let now = layout.x(k).start;
-            (0..n).for_each(|i| mean[now + i] = x[(i, 0)]);
-            basis.subrows_mut(now, n).copy_from(&power);
-            if k == depth {
-                break;
-            }
-            let (seen, y) = (C * &x, layout.y(k).start);
-            (0..p).for_each(|i| mean[y + i] = seen[(i, 0)] + r[i]);
-            basis.subrows_mut(y, p).copy_from(C * &power);
-            x = A * &x;
-            (0..n).for_each(|i| x[(i, 0)] += e[i]);
-            power = A * &power;
-        }
-        TrajectorySpace {
-            depth,
-            windows,
-            mean,
-            basis,
-            singular_values: vec![1.0; n],
-            lambda: 0.0,
-            driven: None,
-        }
+    /// The filter that a window without bounds is, with the weights of the recording.
+    pub fn filter(&self) -> Option<Filter> {
+        Filter::new(&self.model, (self.stationary.as_ref()?, &self.Q, &self.R))
     }
 
     /// With covariances Q and R, and disturbances that are constant over `block` instants.

@@ -23,8 +23,6 @@ const LEAST_NOISE: f64 = 1e-18;
 /// What the recording says of its noise, in scaled units.
 #[derive(Debug, Clone)]
 pub(crate) struct RecordedNoise {
-    /// θ.
-    pub share: f64,
     /// Covariance of the disturbance (n × n).
     pub Q: Mat<f64>,
     /// Of the noise on recorded states (n × n).
@@ -69,7 +67,7 @@ fn split(model: &LinearModel, readings: &Readings, share: f64) -> RecordedNoise 
     let mut Q = gamma;
     Q *= faer::Scale(share);
     debug_assert_eq!(R.len(), p);
-    RecordedNoise { share, Q, N, R }
+    RecordedNoise { Q, N, R }
 }
 
 /// Diagonal of Γ_s - C N Cᵀ, in the directions of both at least [`LEAST_SHARE`] of Γ_s.

@@ -13,6 +13,7 @@
 //! horizon is not believed.
 
 use crate::history::History;
+use crate::linear_model::LinearModel;
 use crate::scaling::{EXACT, Scaling};
 use crate::variation::{Steps, centred, least_squares, left_by};
 use ddmhe_run::panels::write_panels;
@@ -52,6 +53,21 @@ impl OwnResponse {
         Some(of_lag(1))
     }
 
+    /// That of a linear model, of one instant.
+    pub fn of_model(model: &LinearModel, scaling: &Scaling, horizon: usize) -> Option<Self> {
+        let LinearModel { A, B, C, D, .. } = model;
+        let (n, p, m) = (A.nrows(), C.nrows(), B.ncols());
+        (m > 0).then_some(())?;
+        let sizes = ResponseSizes { n, p, m, lag: 1 };
+        let entry = |i: usize, j: usize| match (i.checked_sub(n), j.checked_sub(n)) {
+            (None, None) => A[(i, j)],
+            (None, Some(j)) => B[(i, j)],
+            (Some(i), None) => C[(i, j)],
+            (Some(i), Some(j)) => D[(i, j)],
+        };
+        Some(OwnResponse::of(sizes, entry, scaling, horizon))
+    }
+
     fn of_lag(
         history: &History,
         scaling: &Scaling,
@@ -71,13 +87,21 @@ impl OwnResponse {
         // from deviations in units of each channel's own to those of the estimator
         let from = per_regressor(lag, [&scaling.s_x, &scaling.s_y, &scaling.unit_u]);
         let to: Vec<f64> = scaling.s_x.iter().chain(&scaling.s_y).copied().collect();
+        let entry = |i: usize, j: usize| theta[(j, i)] * from[j] / units[j] / to[i];
+        OwnResponse::of(sizes, entry, scaling, horizon)
+    }
+
+    /// Of the effects of each regressor on [x; y], in scaled units.
+    fn of(
+        sizes: ResponseSizes,
+        entry: impl Fn(usize, usize) -> f64,
+        scaling: &Scaling,
+        horizon: usize,
+    ) -> Self {
         let order = columns(sizes);
-        let entry = |i: usize, column: usize| {
-            let j = order[column];
-            theta[(j, i)] * from[j] / units[j] / to[i]
-        };
         let mut own = OwnResponse { sizes, theta: vec![0.0; sizes.panels_len()], peak: 0.0 };
-        write_panels((to.len(), order.len()), entry, &mut own.theta);
+        let entry = |i: usize, column: usize| entry(i, order[column]);
+        write_panels((sizes.n + sizes.p, order.len()), entry, &mut own.theta);
         own.peak = own.largest_pulse(scaling, horizon);
         own
     }

@@ -16,6 +16,7 @@ use crate::plan_builder::Prepared;
 use crate::start::Opening;
 use crate::watch::Seen;
 use crate::weights::Weights;
+use ddmhe_run::Status;
 use ddmhe_run::active_set::ActiveBound;
 use ddmhe_run::layout::Layout;
 use ddmhe_run::memory::{Memory, memory_len};
@@ -45,6 +46,8 @@ pub(crate) struct Saved {
     bounds: Vec<f64>,
     active: Vec<(usize, f64)>, // rows and sides of the active bounds
     moves: bool,
+    chain: bool,    // whether the estimates are one filter's
+    tail: Vec<f64>, // covariance of the oldest, unless it is the stationary one
     seen: Seen,
     seen_inputs: SeenInputs,
     pub start: Start, // of the run, which reset may have changed
@@ -109,6 +112,8 @@ impl Run {
             bounds: self.bound.as_ref().map_or(&[][..], ErrorBound::errors).to_vec(),
             active: self.memory.active().map(|side| (side.row, side.sign)).collect(),
             moves: self.memory.moves(),
+            chain: self.memory.is_chain(),
+            tail: self.memory.tail().map_or_else(Vec::new, <[f64]>::to_vec),
             seen: self.seen.clone(),
             seen_inputs: self.seen_inputs.clone(),
             start: self.start,
@@ -119,7 +124,8 @@ impl Run {
 
     /// Continues a saved run from the same start.
     pub fn resume(&mut self, design: &Design, saved: Saved) -> Result<(), Error> {
-        let Saved { window, bounds, moves, seen, seen_inputs, t, estimate, .. } = saved;
+        let Saved { window, bounds, moves, chain, tail, .. } = saved;
+        let Saved { seen, seen_inputs, t, estimate, .. } = saved;
         let Samples { states, outputs, inputs } = &window;
         let (n, p, m) = (design.history.n(), design.history.p(), design.history.m());
         let samples = outputs.len() / p;
@@ -134,6 +140,7 @@ impl Run {
             && t < usize::MAX / 2
             && estimate.fits(n, p)
             && (estimate.w.is_empty() || design.driving.is_some())
+            && (tail.is_empty() || design.ground.sizes().recorded && tail.len() == n * n)
             && design.input_watch.allows(&seen_inputs)
             && estimate.v.len() <= design.settings.horizon * p
             && (active.is_empty() || design.problem(samples).allows(&active));
@@ -147,9 +154,16 @@ impl Run {
         check_measured("blob", outputs, p)?;
         check_finite("blob", states, n)?;
         check_finite("blob", inputs, m)?;
+        check_finite("blob", &tail, n)?;
         design.watch.check(&seen)?;
         self.refill(design, &window);
         self.memory.resume(design.problem(samples).layout().depth, &active, moves);
+        if !tail.is_empty() {
+            self.memory.set_tail(&tail);
+        }
+        if chain {
+            self.memory.chain(&design.ground.shared());
+        }
         (self.seen, self.t, self.estimate) = (seen, t, estimate);
         self.seen_inputs = seen_inputs;
         self.reserve(design);
@@ -188,6 +202,41 @@ impl Run {
         }
     }
 
+    /// Whether a step may be a filter's, with nothing but x̂(t) made: see
+    /// [`advance_alone`](Self::advance_alone).
+    pub fn may_be_alone(&self, design: &Design) -> bool {
+        let sizes = design.ground.sizes();
+        let bounded = sizes.x_bounded || sizes.v_bounded || sizes.w_bounded;
+        sizes.recorded && !bounded && self.bound.is_none()
+    }
+
+    /// As [`advance`](Self::advance) without window, noise and disturbance, which are those of an
+    /// earlier step then; false where this step is no filter's: nothing has changed then.
+    #[inline]
+    pub fn advance_alone(&mut self, design: &Design, (y, u): (&[f64], &[f64])) -> bool {
+        let horizon = design.settings.horizon;
+        if self.start == Start::Unknown && self.t < horizon || self.estimate.x.is_empty() {
+            return false;
+        }
+        let full = self.memory.len() == horizon;
+        let prepared = design.problem(self.memory.len() + usize::from(!full));
+        let fallback = &Fallbacks { design, weights: &design.weights, prepared };
+        let (problem, memory) = (prepared.problem(), &mut self.memory);
+        let mut pass = Pass { problem, memory, fallback, x_bounds: None };
+        let Some(cost) = pass.alone(y, u, &mut self.estimate.x) else { return false };
+        if full {
+            self.memory.forget(&design.problems[0].problem().shared);
+        }
+        (self.estimate.cost, self.estimate.status) = (cost, Status::Optimal);
+        (self.estimate.active, self.estimate.iterations) = (0, 0);
+        self.t += 1;
+        design.watch.note(&mut self.seen, y, self.t);
+        if design.history.m() > 0 {
+            design.input_watch.note(&mut self.seen_inputs, self.memory.window_inputs(), self.t);
+        }
+        true
+    }
+
     /// One pass of Algorithm 1's loop, on checked input: nothing can go wrong that is not a status.
     #[inline]
     pub fn advance(
@@ -198,7 +247,7 @@ impl Run {
     ) -> &Estimate {
         let horizon = design.settings.horizon;
         if self.memory.len() == horizon {
-            self.memory.forget();
+            self.memory.forget(&design.problems[0].problem().shared);
             if let Some(bound) = &mut self.bound {
                 bound.forget();
             }

@@ -38,6 +38,7 @@
 //! of its linear model, x(0) the coordinates, in the place of the recorded ones.
 
 use crate::history::History;
+use crate::linear_model::LinearModel;
 use crate::process_noise::{Driven, Driving};
 use crate::response::OwnResponse;
 use crate::scaling::Scaling;
@@ -139,6 +140,38 @@ impl TrajectorySpace {
     /// The directions without those of a disturbance.
     pub fn undisturbed(&self) -> usize {
         self.rank() - self.driven.as_ref().map_or(0, |driven| driven.coordinates)
+    }
+
+    /// The windows of the linear model without a disturbance: x(0) are their coordinates.
+    fn of_model(model: &LinearModel, layout: Layout, windows: usize) -> Self {
+        let LinearModel { A, C, e, r, .. } = model;
+        let Layout { n, p, depth, .. } = layout;
+        let mut mean = vec![0.0; depth * (n + p) + n];
+        let mut basis = Mat::zeros(mean.len(), n);
+        let (mut x, mut power) = (Mat::<f64>::zeros(n, 1), Mat::<f64>::identity(n, n));
+        for k in 0..=depth {
+            let now = layout.x(k).start;
+            (0..n).for_each(|i| mean[now + i] = x[(i, 0)]);
+            basis.subrows_mut(now, n).copy_from(&power);
+            if k == depth {
+                break;
+            }
+            let (seen, y) = (C * &x, layout.y(k).start);
+            (0..p).for_each(|i| mean[y + i] = seen[(i, 0)] + r[i]);
+            basis.subrows_mut(y, p).copy_from(C * &power);
+            x = A * &x;
+            (0..n).for_each(|i| x[(i, 0)] += e[i]);
+            power = A * &power;
+        }
+        TrajectorySpace {
+            depth,
+            windows,
+            mean,
+            basis,
+            singular_values: vec![1.0; n],
+            lambda: 0.0,
+            driven: None,
+        }
     }
 
     /// With those of a disturbance.
@@ -244,7 +277,8 @@ impl<'a> WindowStack<'a> {
     pub fn space(&self, depth: usize, selection: &Selection) -> TrajectorySpace {
         if let Some(driving) = self.driving.filter(|driving| driving.stationary.is_some()) {
             let (layout, windows) = (self.layout(depth), self.history.windows(depth));
-            return driving.trajectories(layout, windows).driven_by(driving, layout, self.scaling);
+            let space = TrajectorySpace::of_model(&driving.model, layout, windows);
+            return space.driven_by(driving, layout, self.scaling);
         }
         let latest = self
             .latest

@@ -2,11 +2,11 @@
 
 use crate::certificate::{Certificate, factor};
 use crate::config::{Config, Weighting};
+use crate::covariance::inverse_factor;
 use crate::defaults::Defaults;
 use crate::error::Error;
 use crate::process_noise::Driving;
 use crate::scaling::Scaling;
-use crate::start::inverse_factor;
 use ddmhe_run::reweight::reduced;
 use faer::{Mat, Side};
 use std::borrow::Cow;
@@ -25,6 +25,7 @@ pub(crate) struct Weights {
     plain: bool,        // R is diagonal
     plain_prior: bool,  // P is
     undiscounted: bool, // the prior has one weight at every depth
+    settled: bool,      // P is that of a Kalman filter
     of_noise: bool,     // R is the inverse of the noise's own covariance
     /// What a scaled output is multiplied with where all outputs are to count alike: 1, or to the
     /// user's units.
@@ -80,7 +81,7 @@ impl Weights {
         let noise: Vec<f64> = driving.R.iter().map(|R| R.sqrt().recip()).collect();
         let ones = vec![1.0; noise.len()];
         let plain = Weights::diagonal(1.0, 1.0, &vec![1.0; U.nrows()], &noise, ones);
-        let own = Weights { prior: U, plain_prior: false, of_noise: true, ..plain };
+        let own = Weights { prior: U, plain_prior: false, of_noise: true, settled: true, ..plain };
         Some(Weights { undiscounted: true, ..own })
     }
 
@@ -98,6 +99,7 @@ impl Weights {
             plain: true,
             plain_prior: true,
             undiscounted: false,
+            settled: false,
             of_noise: false,
             alike,
         }
@@ -128,6 +130,7 @@ impl Weights {
             plain: false,
             plain_prior: false,
             undiscounted: false,
+            settled: false,
             of_noise: false,
             alike,
         })
@@ -167,7 +170,22 @@ impl Weights {
     /// The same for a run from an unknown state: UᵀU is the weight of its first prior, at every
     /// depth.
     pub fn opening(&self, U: Mat<f64>) -> Self {
-        Weights { prior: U, plain_prior: false, undiscounted: true, ..self.clone() }
+        let own = Weights { prior: U, plain_prior: false, settled: false, ..self.clone() };
+        Weights { undiscounted: true, ..own }
+    }
+
+    /// With a prior whose weight (n × n) lacks this (by rows), where outputs before the window were
+    /// lost. None where nothing is left of it.
+    pub fn lacking(&self, lost: &[f64]) -> Option<Self> {
+        let n = self.prior.nrows();
+        let whole = self.prior.transpose() * &self.prior;
+        let rest: Vec<f64> = (0..n * n).map(|k| whole[(k / n, k % n)] - lost[k]).collect();
+        Some(Weights { prior: factor(&rest, n)?, settled: false, ..self.clone() })
+    }
+
+    /// Whether P is the covariance that a Kalman filter with these weights settles to.
+    pub fn settled(&self) -> bool {
+        self.settled
     }
 
     /// 2ρ^m; 1 for the prior of an unknown start.

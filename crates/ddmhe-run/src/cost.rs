@@ -1,6 +1,6 @@
 //! The cost (17) of a window, in the user's units.
 
-use crate::panels::{Root, weighted_square};
+use crate::panels::{Root, dot, weighted_square};
 use crate::problem::{Data, Scratch, WindowProblem};
 use crate::reweight::reduced;
 
@@ -14,6 +14,11 @@ impl WindowProblem<'_> {
             s.window.iter().zip(per_s_x).zip(data.prior).map(|((x, per), prior)| x * per - prior);
         let mut prior =
             self.depth.prior_weight * self.prior_size(moved, &mut s.moved[..data.prior.len()]);
+        if let Some(lacking) = data.lacking {
+            let (n, moved) = (data.prior.len(), &s.moved[..data.prior.len()]);
+            let along = |(row, moved_i): (&[f64], &f64)| moved_i * dot(row, moved);
+            prior -= lacking.chunks_exact(n).zip(moved).map(along).sum::<f64>();
+        }
         if self.depth.layout.driven {
             prior += self.shared.price * self.disturbance_size(self.disturbances(s.window));
         }

@@ -69,6 +69,7 @@ mod bounds;
 mod cost;
 mod estimate;
 pub mod fallback;
+pub mod kalman;
 pub mod layout;
 pub mod memory;
 pub mod panels;

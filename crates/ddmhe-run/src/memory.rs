@@ -3,12 +3,18 @@
 
 use crate::active_set::factor::work_len;
 use crate::active_set::working_set::{ActiveBound, Kept, Sides, WorkingSet};
+use crate::kalman::{self, Filtered};
 use crate::panels::padded;
 use crate::plan::common::{Shared, Sizes};
 use crate::problem::Scratch;
 use crate::sliding::SlidingBuffer;
 use crate::tol;
 use core::ops::Range;
+use filtering::Filtering;
+use losses::Losses;
+
+mod filtering;
+mod losses;
 
 /// Sizes of the room that a step works in, in the order in which it lies in the block.
 #[derive(Debug, Clone, Copy)]
@@ -19,6 +25,7 @@ struct Room {
     hessian_factor: usize,
     block: usize,
     moved: usize,
+    smoothing: usize,
     sides: usize,
 }
 
@@ -32,13 +39,14 @@ impl Room {
             hessian_factor: r * r.next_multiple_of(4),
             block: padded(p * p),
             moved: padded(n),
+            smoothing: if sizes.recorded { kalman::room(n, p) } else { 0 },
             sides: padded(r),
         }
     }
 
     fn len_before_sides(&self) -> usize {
-        let Room { rank, window, outputs, hessian_factor, block, moved, .. } = *self;
-        2 * rank + 3 * window + outputs + hessian_factor + block + moved
+        let Room { rank, window, outputs, hessian_factor, block, moved, smoothing, .. } = *self;
+        2 * rank + 3 * window + outputs + hessian_factor + block + moved + smoothing
     }
 
     fn len(&self, r: usize) -> usize {
@@ -60,6 +68,8 @@ pub struct Memory<B> {
     missing: usize, // NaN among the outputs that are kept
     aside: usize,   // where the outputs are kept that were set aside
     forced: Forced, // where the forced motion is
+    filtering: Filtering,
+    losses: Losses,
     room: Room,
     scratch: usize, // where the room begins
     sides: usize,   // active bounds of the last step
@@ -76,7 +86,8 @@ fn samples(depth: usize) -> usize {
 pub fn memory_len(sizes: Sizes) -> usize {
     let Sizes { n, p, horizon, rank, .. } = sizes;
     let stretch = padded(samples(horizon) * p) + padded(samples(horizon) * n);
-    let known = padded(horizon * p) + Forced::new(sizes, 0).len();
+    let filtering = Losses::new(sizes, Filtering::new(sizes, 0).end).end;
+    let known = padded(horizon * p) + Forced::new(sizes, 0).len() + filtering;
     stretch + known + Room::new(sizes).len(rank)
 }
 
@@ -115,6 +126,8 @@ impl<B: AsRef<[f64]> + AsMut<[f64]>> Memory<B> {
         let samples = samples(horizon);
         let aside = padded(samples * p) + padded(samples * n);
         let forced = Forced::new(sizes, aside + padded(horizon * p));
+        let filtering = Filtering::new(sizes, forced.end);
+        let losses = Losses::new(sizes, filtering.end);
         let slide = |at, width| SlidingBuffer::new(at, width, samples);
         Memory {
             block,
@@ -125,8 +138,10 @@ impl<B: AsRef<[f64]> + AsMut<[f64]>> Memory<B> {
             missing: 0,
             aside,
             room: Room::new(sizes),
-            scratch: forced.end,
+            scratch: losses.end,
             forced,
+            filtering,
+            losses,
             sides: 0,
             before: 0,
             kept: Kept::default(),
@@ -139,6 +154,8 @@ impl<B: AsRef<[f64]> + AsMut<[f64]>> Memory<B> {
         self.outputs.clear();
         self.states.clear();
         self.inputs.clear();
+        self.filtering.clear();
+        self.losses.clear();
         (self.depth, self.missing, self.sides, self.before) = (0, 0, 0, 0);
         self.kept = Kept::default();
     }
@@ -263,6 +280,7 @@ impl<B: AsRef<[f64]> + AsMut<[f64]>> Memory<B> {
             missing += usize::from(!within);
         }
         self.missing += missing;
+        self.filtering.push(self.block.as_mut());
         missing
     }
 
@@ -305,23 +323,27 @@ impl<B: AsRef<[f64]> + AsMut<[f64]>> Memory<B> {
     }
 
     fn count_missing(&mut self) {
+        self.filtering.doubted();
         self.missing = self.outputs().iter().filter(|y| y.is_nan()).count();
     }
 
     /// Another newest state, as scaled deviations.
     pub fn replace_newest(&mut self, x: impl Iterator<Item = f64>) {
+        self.unchain();
         let at = self.states.last(1);
         self.block.as_mut()[at].iter_mut().zip(x).for_each(|(slot, x)| *slot = x);
     }
 
     /// Other states for those of a window that is estimated: its past and the newest.
     pub fn replace_states(&mut self, states: impl Iterator<Item = f64>) {
+        self.unchain();
         let at = self.states.last(self.depth + 1);
         self.block.as_mut()[at].iter_mut().zip(states).for_each(|(slot, x)| *slot = x);
     }
 
     /// Other states for those between the oldest and the newest of such a window.
     pub fn replace_past(&mut self, states: impl Iterator<Item = f64>) {
+        self.unchain();
         let at = self.states.last(self.depth);
         self.block.as_mut()[at].iter_mut().zip(states).for_each(|(slot, x)| *slot = x);
     }
@@ -335,13 +357,15 @@ impl<B: AsRef<[f64]> + AsMut<[f64]>> Memory<B> {
 
     /// Forgets the oldest output with its inputs, and the oldest state.
     #[inline]
-    pub fn forget(&mut self) {
+    pub fn forget(&mut self, shared: &Shared<'_>) {
+        self.forget_covariance(shared.kalman.as_ref().map(|kalman| &kalman.model));
         if self.missing > 0 {
             let oldest = &self.outputs()[..self.outputs.width];
             self.missing -= oldest.iter().filter(|y| y.is_nan()).count();
         }
         self.outputs.forget();
         self.states.forget();
+        self.filtering.forget();
         if self.inputs.width > 0 {
             self.inputs.forget();
         }
@@ -388,6 +412,7 @@ impl<B: AsRef<[f64]> + AsMut<[f64]>> Memory<B> {
                 (free..free + outputs.len(), Some(x..x + states))
             }
         };
+        let (filtered, lacking) = (self.filtered(), self.losses.loss(self.states.width));
         let (window, room) = self.block.as_mut().split_at_mut(self.scratch);
         let (unconstrained, room) = room.split_at_mut(self.room.rank);
         let (z, room) = room.split_at_mut(self.room.rank);
@@ -398,6 +423,7 @@ impl<B: AsRef<[f64]> + AsMut<[f64]>> Memory<B> {
         let (hessian_factor, room) = room.split_at_mut(self.room.hessian_factor);
         let (block, room) = room.split_at_mut(self.room.block);
         let (moved, room) = room.split_at_mut(self.room.moved);
+        let (smoothing, room) = room.split_at_mut(self.room.smoothing);
         let (sides, room) = room.split_at_mut(self.room.sides);
         let (before, work) = room.split_at_mut(self.room.sides);
         let n = self.states.width;
@@ -406,6 +432,8 @@ impl<B: AsRef<[f64]> + AsMut<[f64]>> Memory<B> {
             outputs: &window[outputs],
             means: means.map(|means| &window[means]),
             missing,
+            filtered: filtered.map(|at| at.of(window)),
+            lacking: lacking.map(|at| &window[at]),
             scratch: Scratch {
                 unconstrained,
                 z,
@@ -416,6 +444,7 @@ impl<B: AsRef<[f64]> + AsMut<[f64]>> Memory<B> {
                 hessian_factor,
                 block,
                 moved,
+                smoothing,
                 work,
             },
             working: WorkingSet {
@@ -438,6 +467,10 @@ pub struct Parts<'a> {
     pub means: Option<&'a [f64]>,
     /// Whether there is a NaN among them.
     pub missing: bool,
+    /// The window as a filter has it, with the weights of the recording.
+    pub filtered: Option<Filtered<'a>>,
+    /// What the weight of the prior lacks.
+    pub lacking: Option<&'a [f64]>,
     /// Room for a step.
     pub scratch: Scratch<'a>,
     /// The active bounds of the last step.

@@ -18,7 +18,9 @@
 pub mod bytes;
 pub mod common;
 pub mod depth;
+pub mod span;
 
 pub use bytes::{Aligned, Plan, PlanError, seal};
-pub use common::{Common, Limits, Margin, Shared, Sizes, Span};
+pub use common::{Common, Limits, Margin, Shared, Sizes};
 pub use depth::{Depth, Kind, kept_depths};
+pub use span::Span;

@@ -3,6 +3,7 @@
 
 use crate::active_set::problem::Windows;
 use crate::active_set::rows::Rows;
+use crate::kalman::Filtered;
 use crate::panels::Panels;
 use crate::plan::common::{Limits, Shared};
 use crate::plan::depth::Depth;
@@ -17,6 +18,12 @@ pub struct Data<'a> {
     pub outputs: &'a [f64],
     /// Whether there is a NaN.
     pub missing: bool,
+    /// The window as a Kalman filter has it, where the weights are the recording's and all of it was
+    /// measured.
+    pub filtered: Option<Filtered<'a>>,
+    /// What the weight of the prior lacks (n·n, by rows, in scaled units), where outputs before the
+    /// window were lost.
+    pub lacking: Option<&'a [f64]>,
     /// What makes states of the window's deviations, in the user's units ((m+1)·n): the recording's
     /// means, and where there are inputs the forced motion beside them. The outputs are then without
     /// theirs.
@@ -65,6 +72,8 @@ pub struct Scratch<'a> {
     pub block: &'a mut [f64],
     /// n.
     pub moved: &'a mut [f64],
+    /// For the smoother of [`kalman`](crate::kalman).
+    pub smoothing: &'a mut [f64],
     /// Of the active-set method.
     pub work: &'a mut [f64],
 }
@@ -82,6 +91,8 @@ pub struct WindowSolution {
     pub active: usize,
     /// Changes of the active set.
     pub iterations: u32,
+    /// Whether it is what the filter has.
+    pub filtered: bool,
 }
 
 /// Everything about the windows of one depth that depends only on the recording and the settings:
@@ -122,6 +133,14 @@ impl<'a> WindowProblem<'a> {
             center: depth.center.of(own),
             center_gain: Panels::new(layout.outputs_len(), depth.center_gain.of(own)),
         }
+    }
+}
+
+impl Data<'_> {
+    /// Whether the cost is another than the one that was prepared.
+    #[inline(always)]
+    pub fn is_reweighted(&self) -> bool {
+        self.missing || self.lacking.is_some()
     }
 }
 

@@ -58,12 +58,32 @@ impl WindowProblem<'_> {
         L.fill(0.0);
         (0..r).for_each(|i| L[i * stride + i] = 1.0);
         self.downdate(data, rows, y, (s.block, L, s.unconstrained));
-        cholesky(L, r, stride)?;
+        if let Some(lacking) = data.lacking {
+            self.downdate_prior(data, lacking, (L, s.unconstrained));
+        }
+        cholesky(L, r, stride, tol::DOWNDATE)?;
         // z* = L⁻ᵀ L⁻¹ (K ([x̄; y] - c) - …)
         let z = &mut s.unconstrained[..r];
         solve_lower(L, z, stride);
         solve_transposed(L, z, stride);
         Some(true)
+    }
+
+    /// Takes what the prior's weight lacks (n × n) out of the Hessian and of the right-hand side.
+    fn downdate_prior(&self, data: &Data<'_>, lacking: &[f64], (L, z): (&mut [f64], &mut [f64])) {
+        let (n, r, rows) = (self.depth.layout.n, self.depth.rank, &self.rows);
+        let (stride, per_s) = (rows.stride(), self.shared.per_s_x);
+        for (i, j) in (0..n * n).map(|e| (e / n, e % n)) {
+            let lost = lacking[i * n + j] * per_s[i] * per_s[j];
+            let known = lost * (data.prior[j] * self.shared.s_x[j] - rows.offset[j]);
+            for row in 0..r {
+                let a_row = rows.entry(i, row);
+                z[row] -= a_row * known;
+                (0..=row).for_each(|column| {
+                    L[row * stride + column] -= lost * a_row * rows.entry(j, column);
+                });
+            }
+        }
     }
 
     /// Takes what is missing out of the Hessian (lower triangle) and of the right-hand side.
@@ -99,17 +119,17 @@ impl WindowProblem<'_> {
     }
 }
 
-/// L of H = L Lᵀ in place (lower triangles by rows of `stride`); None when a pivot is too small to
-/// trust.
+/// L of H = L Lᵀ in place (lower triangles by rows of `stride`); None when a pivot is not above
+/// `least`.
 #[inline(always)]
-fn cholesky(H: &mut [f64], r: usize, stride: usize) -> Option<()> {
+pub(crate) fn cholesky(H: &mut [f64], r: usize, stride: usize, least: f64) -> Option<()> {
     for i in 0..r {
         let (above, row) = H.split_at_mut(i * stride);
         for (j, other) in above.chunks_exact(stride).enumerate() {
             row[j] = (row[j] - dot(&row[..j], &other[..j])) / other[j];
         }
         let pivot = row[i] - dot(&row[..i], &row[..i]);
-        if pivot < tol::DOWNDATE {
+        if !(pivot > least) {
             return None;
         }
         row[i] = pivot.root();

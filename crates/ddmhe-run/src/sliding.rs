@@ -51,6 +51,11 @@ impl SlidingBuffer {
         self.len -= 1;
     }
 
+    /// Forgets the newest sample.
+    pub fn retract(&mut self) {
+        self.len = self.len.saturating_sub(1);
+    }
+
     /// Forgets all.
     pub fn clear(&mut self) {
         (self.start, self.len) = (0, 0);

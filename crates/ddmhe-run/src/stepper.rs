@@ -94,7 +94,17 @@ impl<B: AsRef<[f64]> + AsMut<[f64]>, F: Fallback> Pass<'_, B, F> {
                 || memory.force(shared),
             );
         }
+        if let Some(kalman) = &shared.kalman {
+            let (memory, filtered) = (&mut *self.memory, self.problem.depth.kind.filtered);
+            self.fallback.vectorised(
+                #[inline(always)]
+                || memory.filter(kalman, filtered),
+            );
+        }
         let solution = self.minimise(out);
+        if shared.sizes.recorded && !solution.filtered {
+            self.memory.unchain();
+        }
         let mut found = Found { solution, anew: false, forgot: false };
         if solution.status != Status::Optimal {
             self.reconsider(&mut found, out);
@@ -105,6 +115,22 @@ impl<B: AsRef<[f64]> + AsMut<[f64]>, F: Fallback> Pass<'_, B, F> {
         let (window, n) = (&*out.window, out.x.len());
         out.x.copy_from_slice(&window[window.len() - n..]);
         found
+    }
+
+    /// The step whose x̂(t), into x, is all that is asked for: its cost, with the weights of the
+    /// recording, without bounds and without a window that has to be looked at. None where this step
+    /// is another; nothing has changed then.
+    #[inline(always)]
+    pub fn alone(&mut self, y: &[f64], u: &[f64], x: &mut [f64]) -> Option<f64> {
+        let depth = self.problem.depth;
+        if !depth.kind.filtered {
+            return None;
+        }
+        let (memory, shared) = (&mut *self.memory, &self.problem.shared);
+        self.fallback.vectorised(
+            #[inline(always)]
+            || memory.filter_alone(shared, (y, u), (depth.layout.depth, x)),
+        )
     }
 
     /// What was found becomes the past: x̂(t) into memory. Where it is not optimal it is moved into
@@ -127,11 +153,12 @@ impl<B: AsRef<[f64]> + AsMut<[f64]>, F: Fallback> Pass<'_, B, F> {
     /// The minimiser over the window in memory.
     #[inline(always)]
     fn minimise(&mut self, out: &mut Answer<'_>) -> WindowSolution {
-        let Parts { prior, outputs, means, missing, mut scratch, mut working } =
+        let Parts { prior, outputs, means, missing, filtered, lacking, mut scratch, mut working } =
             self.memory.parts();
         let means = self.problem.means(means);
         // the filtering update: x̄(t-M_t) is the estimate that was made then
-        let data = Data { prior, outputs, missing, means, x_bounds: self.x_bounds };
+        let x_bounds = self.x_bounds;
+        let data = Data { prior, outputs, missing, filtered, lacking, means, x_bounds };
         let answer = out.fit();
         let (problem, fallback) = (self.problem, self.fallback);
         let room = (&mut working, &mut scratch);
@@ -174,7 +201,8 @@ impl<B: AsRef<[f64]> + AsMut<[f64]>, F: Fallback> Pass<'_, B, F> {
         if !found.solution.sound {
             let Parts { prior, outputs, means, missing, mut scratch, .. } = self.memory.parts();
             let means = self.problem.means(means);
-            let data = Data { prior, outputs, missing, means, x_bounds: self.x_bounds };
+            let (filtered, lacking, x_bounds) = (None, None, self.x_bounds);
+            let data = Data { prior, outputs, missing, filtered, lacking, means, x_bounds };
             found.solution = self.problem.rest(&data, &mut scratch, out.fit());
         }
         found.solution.status = status;
@@ -234,7 +262,8 @@ impl<B: AsRef<[f64]> + AsMut<[f64]>, F: Fallback> Pass<'_, B, F> {
     /// The window with its states moved into a box; None: the configured one.
     fn move_into(&mut self, x_bounds: Option<Limits<'_>>, out: &mut Answer<'_>) {
         let Parts { prior, outputs, means, missing, mut scratch, .. } = self.memory.parts();
-        let data = Data { prior, outputs, missing, means: self.problem.means(means), x_bounds };
+        let (filtered, lacking, means) = (None, None, self.problem.means(means));
+        let data = Data { prior, outputs, missing, filtered, lacking, means, x_bounds };
         self.problem.confine(&data, &mut scratch, out.window);
     }
 }
@@ -341,7 +370,7 @@ impl<'p, 'm> Stepper<'p, 'm> {
             return None;
         }
         if self.memory.len() == horizon {
-            self.memory.forget();
+            self.memory.forget(&self.problem.shared);
         }
         let outputs = self.memory.len() + 1;
         if self.t < horizon {

@@ -67,3 +67,11 @@ pub const DEPTHS: usize = 3;
 
 /// Up to this depth none is left out: they take little memory, and a run is in most need of them.
 pub const SHORT: usize = 20;
+
+/// Difference of two estimates, in units of 1 + |x| scaled deviations, that is rounding: both are
+/// one filter's.
+pub const SAME_FILTER: f64 = 1e-13;
+
+/// Difference of a covariance from the stationary one, in units of that one's largest entry, that is
+/// rounding.
+pub const SETTLED: f64 = 1e-14;

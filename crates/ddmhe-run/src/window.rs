@@ -19,7 +19,8 @@
 use crate::active_set::problem::{LeastDistance, Trust, Windows};
 use crate::active_set::working_set::WorkingSet;
 use crate::fallback::{Fallback, decide};
-use crate::panels::{WIDTH, each, margins, scaled_difference, smaller, sum};
+use crate::kalman::Filtered;
+use crate::panels::{WIDTH, each, margins, padded, scaled_difference, smaller, sum};
 use crate::plan::common::Limits;
 use crate::problem::{Data, Fit, Scratch, WindowProblem, WindowSolution};
 use crate::status::Status;
@@ -41,7 +42,8 @@ impl WindowProblem<'_> {
         working.predict(|row| layout.older(row));
         let found = self.minimise(fallback, data, (working, scratch), fit.v)?;
         working.adapt(|row| layout.older(row));
-        let cost = self.hand_over(data, scratch, fit);
+        let filtered = data.filtered.filter(|_| found.filtered);
+        let cost = self.hand_over(data, scratch, (fit, filtered));
         let sound = cost.is_finite() && self.within_reach(scratch.window);
         let status = if sound { found.status } else { Status::Failed };
         Some(WindowSolution { status, sound, cost, ..found })
@@ -56,20 +58,28 @@ impl WindowProblem<'_> {
         (working, s): (&mut WorkingSet<'_>, &mut Scratch<'_>),
         v: &mut [f64],
     ) -> Option<WindowSolution> {
-        let mut changed = false;
-        if data.missing {
+        let x = self.box_in_force(data);
+        let bounded = x.is_some() || self.shared.sizes.v_bounded || self.shared.sizes.w_bounded;
+        if data.is_reweighted() {
             working.clear();
+        }
+        let mut changed = false;
+        let filtered = data.filtered.filter(|_| working.sides.is_empty() || !bounded);
+        if let Some(filtered) = filtered {
+            self.smoothed(filtered, data, s);
+        } else if data.is_reweighted() {
             changed = self.without_missing(data, s)?;
         } else {
             self.minimiser(data.prior, data.outputs, s.unconstrained);
         }
-        let x = self.box_in_force(data);
-        let bounded = x.is_some() || self.shared.sizes.v_bounded || self.shared.sizes.w_bounded;
+        let optimal = |active| Some(optimal(active, filtered.is_some()));
         if working.sides.is_empty() || !bounded {
-            self.window(&s.unconstrained[..self.depth.rank], s.window);
+            if filtered.is_none() {
+                self.window(&s.unconstrained[..self.depth.rank], s.window);
+            }
             self.residual(data.outputs, s.window, v);
             if !bounded {
-                return Some(optimal(0));
+                return optimal(0);
             }
         }
         let own = self.own_box(x, data, s);
@@ -77,13 +87,18 @@ impl WindowProblem<'_> {
         if working.sides.is_empty() {
             let margins = self.margins(own, s, v);
             if margins.iter().fold(true, |inside, margin| inside & (*margin > tol::ACTIVE_SET)) {
-                return Some(optimal(0));
+                return optimal(0);
             }
             margin = margins.into_iter().fold(f64::INFINITY, smaller);
         }
         self.limits(own, data, s);
         if margin >= -tol::FEASIBLE {
-            return Some(optimal(self.count_active(s)));
+            return optimal(self.count_active(s));
+        }
+        if filtered.is_some() && data.is_reweighted() {
+            changed = self.without_missing(data, s)?;
+        } else if filtered.is_some() {
+            self.minimiser(data.prior, data.outputs, s.unconstrained);
         }
         self.nearest(fallback, data, changed, (working, s), v)
     }
@@ -115,7 +130,7 @@ impl WindowProblem<'_> {
         } else {
             fallback.two_stages(&problem, (working, s.work), s.z, s.window)
         };
-        if data.missing {
+        if data.is_reweighted() {
             working.forget_factor(); // of this Hessian, or of the problem made for this window
         }
         self.residual(data.outputs, s.window, v);
@@ -199,12 +214,50 @@ impl WindowProblem<'_> {
 
     /// The window in the scratch in the user's units, beside v, which is there; its cost.
     #[inline(always)]
-    fn hand_over(&self, data: &Data<'_>, s: &mut Scratch<'_>, fit: Fit<'_>) -> f64 {
+    fn hand_over(
+        &self,
+        data: &Data<'_>,
+        s: &mut Scratch<'_>,
+        (fit, filtered): (Fit<'_>, Option<Filtered<'_>>),
+    ) -> f64 {
         self.in_user_units(s.window, data.means, fit.states);
         if self.depth.layout.driven {
             fit.w.copy_from_slice(self.disturbances(s.window));
         }
-        self.cost(data, s, fit.v)
+        match filtered {
+            Some(filtered) => filtered.cost(),
+            None => self.cost(data, s, fit.v),
+        }
+    }
+
+    /// The filter's window into the scratch.
+    fn smoothed(&self, filtered: Filtered<'_>, data: &Data<'_>, s: &mut Scratch<'_>) {
+        let Some(kalman) = &self.shared.kalman else { return };
+        let layout = self.depth.layout;
+        let (n, p) = (layout.n, layout.p);
+        let (first, second) = (layout.split(), layout.second_split());
+        let (room, fitted) = s.smoothing.split_at_mut(s.smoothing.len() - padded(p));
+        let (window, moved, shared) = (&mut *s.window, &mut *s.moved, &self.shared);
+        kalman.smooth(filtered, room, |k, x, w| {
+            for i in 0..n {
+                // with inputs the window is that of the free motion
+                let forced = data.means[k * n + i] - shared.mean_x[i];
+                window[k * n + i] = x[i] * shared.s_x[i] - forced;
+                moved[i] = if forced == 0.0 { x[i] } else { x[i] - forced * shared.per_s_x[i] };
+            }
+            if k < layout.depth {
+                kalman.output(&moved[..n], fitted);
+                window[first + k * p..first + (k + 1) * p].copy_from_slice(&fitted[..p]);
+            }
+            if k > 0 {
+                let at = second + (k - 1) * n;
+                (0..n).for_each(|i| window[at + i] = w[i] * shared.s_x[i]);
+            }
+        });
+        // the padding of each block: no row
+        window[layout.states_len()..first].fill(0.0);
+        window[first + layout.outputs_len()..second].fill(0.0);
+        window[second + layout.disturbances_len()..layout.apart()].fill(0.0);
     }
 
     /// v = y - ŷ (m·p) in the user's units; NaN where not measured.
@@ -250,13 +303,13 @@ impl WindowProblem<'_> {
         let offset = self.rows.offset;
         s.window[..offset.len()].copy_from_slice(offset);
         self.residual(data.outputs, s.window, fit.v);
-        let cost = self.hand_over(data, s, fit);
+        let cost = self.hand_over(data, s, (fit, None));
         WindowSolution { sound: true, cost, ..WindowSolution::default() }
     }
 }
 
 /// An answer in closed form.
 #[inline(always)]
-fn optimal(active: usize) -> WindowSolution {
-    WindowSolution { status: Status::Optimal, active, ..WindowSolution::default() }
+fn optimal(active: usize, filtered: bool) -> WindowSolution {
+    WindowSolution { status: Status::Optimal, active, filtered, ..WindowSolution::default() }
 }

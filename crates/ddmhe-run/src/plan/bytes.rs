@@ -76,14 +76,15 @@ impl Common {
     pub fn write_header(&self, numbers: &mut [f64], total: usize, blocks: [usize; 2]) {
         let Sizes { n, p, m, lag, horizon, rank, filled, .. } = self.sizes;
         let Sizes { x_bounded, v_bounded, w_bounded, driven, .. } = self.sizes;
-        let Sizes { centered, plain_noise, .. } = self.sizes;
+        let Sizes { centered, plain_noise, recorded, .. } = self.sizes;
         numbers[0] = f64::from_bits(MAGIC);
         numbers[1] = FORMAT;
         let sizes = [n, p, horizon, rank, filled, blocks[0], blocks[1]];
         numbers[2] = total as f64;
         numbers[SUM] = 0.0;
         numbers[4..11].iter_mut().zip(sizes).for_each(|(number, size)| *number = size as f64);
-        numbers[11] = flags(&[x_bounded, v_bounded, centered, plain_noise, w_bounded, driven]);
+        numbers[11] =
+            flags(&[x_bounded, v_bounded, centered, plain_noise, w_bounded, driven, recorded]);
         numbers[12] = self.rho;
         numbers[13] = self.unit;
         for (margin, at) in self.margins.iter().zip(numbers[14..20].chunks_exact_mut(2)) {
@@ -100,7 +101,7 @@ impl Common {
             *size = whole(*number)?;
         }
         let [n, p, horizon, rank, filled, depths, opening] = sizes;
-        let bits = known_flags(numbers[11], 6)?;
+        let bits = known_flags(numbers[11], 7)?;
         let (m, lag) = (whole(numbers[20])?, whole(numbers[21])?);
         let sizes = Sizes {
             n,
@@ -116,6 +117,7 @@ impl Common {
             plain_noise: bit(bits, 3),
             w_bounded: bit(bits, 4),
             driven: bit(bits, 5),
+            recorded: bit(bits, 6),
         };
         let some = n > 0 && p > 0 && horizon > 0 && rank > 0 && depths > 0 && lag > 0;
         if !some || filled > horizon || !sizes.countable(largest) {
@@ -136,10 +138,10 @@ impl Common {
 impl Depth {
     /// Into the header of its own numbers.
     pub fn write_header(&self, numbers: &mut [f64]) {
-        let Kind { centered, plain_prior, surplus, for_pattern } = self.kind;
+        let Kind { centered, plain_prior, surplus, for_pattern, filtered } = self.kind;
         let Layout { n, p, depth, .. } = self.layout;
         [n, p, depth, self.rank].iter().zip(&mut *numbers).for_each(|(s, at)| *at = *s as f64);
-        numbers[4] = flags(&[centered, plain_prior, surplus, for_pattern]);
+        numbers[4] = flags(&[centered, plain_prior, surplus, for_pattern, filtered]);
         numbers[5] = self.prior_weight;
     }
 }
@@ -162,7 +164,7 @@ fn block<'a>(numbers: &'a [f64], at: usize, sizes: &Sizes) -> Option<(Depth, &'a
     let rest = numbers.get(at..)?;
     let head = rest.get(..HEAD)?;
     let (n, p, depth) = (whole(head[0])?, whole(head[1])?, whole(head[2])?);
-    let (rank, bits) = (whole(head[3])?, known_flags(head[4], 4)?);
+    let (rank, bits) = (whole(head[3])?, known_flags(head[4], 5)?);
     let within = n == sizes.n && p == sizes.p && (1..=sizes.horizon).contains(&depth);
     if !within || !(1..=sizes.rank).contains(&rank) {
         return None;
@@ -172,7 +174,11 @@ fn block<'a>(numbers: &'a [f64], at: usize, sizes: &Sizes) -> Option<(Depth, &'a
         plain_prior: bit(bits, 1),
         surplus: bit(bits, 2),
         for_pattern: bit(bits, 3),
+        filtered: bit(bits, 4),
     };
+    if kind.filtered && !sizes.recorded {
+        return None;
+    }
     let layout = sizes.layout(depth);
     let depth = Depth { prior_weight: head[5], ..Depth::new(layout, rank, kind) };
     Some((depth, rest.get(..depth.len)?))

@@ -1,50 +1,10 @@
 //! What all depths of a plan share.
 
+use crate::kalman::{Kalman, KalmanSpans};
 use crate::layout::Layout;
-use crate::panels::padded;
+use crate::plan::span::{Cursor, Span};
 use crate::response::{Response, ResponseSizes};
 use crate::tol;
-
-/// Where an array is in its block.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Span {
-    start: usize,
-    end: usize,
-}
-
-impl Span {
-    /// The array.
-    #[inline(always)]
-    pub fn of(self, block: &[f64]) -> &[f64] {
-        &block[self.start..self.end]
-    }
-
-    /// The array, to be written.
-    pub fn of_mut(self, block: &mut [f64]) -> &mut [f64] {
-        &mut block[self.start..self.end]
-    }
-
-    /// How many numbers.
-    pub fn len(self) -> usize {
-        self.end - self.start
-    }
-
-    /// Whether there is none.
-    pub fn is_empty(self) -> bool {
-        self.end == self.start
-    }
-}
-
-/// Hands out spans one behind the other, each on whole panels.
-pub(crate) struct Cursor(pub usize);
-
-impl Cursor {
-    pub fn take(&mut self, len: usize) -> Span {
-        let start = self.0;
-        self.0 += padded(len);
-        Span { start, end: start + len }
-    }
-}
 
 /// Numbers in the header of a plan.
 pub(crate) const HEADER: usize = 32;
@@ -102,6 +62,8 @@ pub struct Sizes {
     pub centered: bool,
     /// Whether the weight of the outputs is diagonal.
     pub plain_noise: bool,
+    /// Whether the weights are those of the recording.
+    pub recorded: bool,
 }
 
 impl Sizes {
@@ -128,6 +90,11 @@ impl Sizes {
     /// Of the windows of a depth.
     pub fn layout(self, depth: usize) -> Layout {
         Layout { n: self.n, p: self.p, depth, driven: self.driven }
+    }
+
+    /// n, p and m.
+    pub(crate) fn channels(self) -> [usize; 3] {
+        [self.n, self.p, self.m]
     }
 
     /// Of the response to known inputs.
@@ -189,6 +156,8 @@ pub struct Common {
     pub outputs: Span,
     /// Its inputs (filled·m).
     pub inputs: Span,
+    /// The filter that a window without bounds is, with the weights of the recording.
+    pub kalman: KalmanSpans,
     /// Numbers in the block, header included.
     pub len: usize,
 }
@@ -228,6 +197,7 @@ impl Common {
             states: next.take((filled + 1) * n),
             outputs: next.take(filled * p),
             inputs: next.take(filled * m),
+            kalman: KalmanSpans::new(sizes.channels(), sizes.recorded, &mut next),
             len: 0,
         };
         common.len = next.0;
@@ -267,6 +237,7 @@ pub struct Shared<'a> {
     pub(crate) states: &'a [f64],
     pub(crate) outputs: &'a [f64],
     pub(crate) inputs: &'a [f64],
+    pub(crate) kalman: Option<Kalman<'a>>,
 }
 
 impl<'a> Shared<'a> {
@@ -302,6 +273,10 @@ impl<'a> Shared<'a> {
             states: of(common.states),
             outputs: of(common.outputs),
             inputs: of(common.inputs),
+            kalman: common
+                .sizes
+                .recorded
+                .then(|| Kalman::new(common.sizes.channels(), common.kalman, numbers)),
         }
     }
 

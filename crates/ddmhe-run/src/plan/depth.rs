@@ -3,7 +3,7 @@
 use crate::active_set::rows::Rows;
 use crate::layout::Layout;
 use crate::panels::{padded, panels_len};
-use crate::plan::common::{Cursor, Span};
+use crate::plan::span::{Cursor, Span};
 use crate::tol;
 
 /// Numbers in the header of the block of one depth.
@@ -20,6 +20,8 @@ pub struct Kind {
     pub surplus: bool,
     /// Whether it was made for the outputs that one window has.
     pub for_pattern: bool,
+    /// Whether its minimiser is a Kalman filter's where no bound is active.
+    pub filtered: bool,
 }
 
 /// The block of one depth: where its arrays are. All in scaled units, but for the state and

@@ -70,7 +70,15 @@ fn a_downdate_gives_what_a_new_factorisation_gives() {
             y.iter_mut().for_each(|y| *y = if rng.random_bool(lost) { f64::NAN } else { *y });
             let prior: Vec<f64> = (0..4).map(|_| rng.random_range(-1.0..1.0)).collect();
             let means = full.problem().means(None);
-            let data = Data { prior: &prior, outputs: &y, missing: true, means, x_bounds: None };
+            let data = Data {
+                prior: &prior,
+                outputs: &y,
+                missing: true,
+                filtered: None,
+                lacking: None,
+                means,
+                x_bounds: None,
+            };
             let solve = |prepared: &Prepared| {
                 let sizes = design.ground.sizes();
                 let mut memory = Memory::new(sizes, vec![0.0; memory_len(sizes)]);
