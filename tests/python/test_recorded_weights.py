@@ -178,7 +178,7 @@ def test_bounded_windows_minimise_the_cost_as_written(seed):
     Q, start = covariance(seed, n), case.x[0] + 0.1
     P, R = stationary(model, Q), model.R
     box = {"x_bounds": (-0.9 * np.abs(case.x).max(), 0.9 * np.abs(case.x).max())}
-    box |= {"v_bounds": (-0.12, 0.1), "w_bounds": (-0.05, 0.04)}
+    box |= {"v_bounds": (-0.3, 0.3), "w_bounds": (-0.03, 0.02)}
     mhe, priors, held = estimator(case, Q, start, M, **box), [start], 0
     roots = [np.linalg.inv(np.linalg.cholesky(S)) for S in (P, Q, R)]
     for t in range(1, 13):
