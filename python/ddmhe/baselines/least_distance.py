@@ -12,7 +12,7 @@ import numpy as np
 import scipy.optimize
 from numpy.typing import NDArray
 
-from ddmhe.baselines.tol import BOX, NO_POINT
+from ddmhe.baselines.tol import BOX, MISSED, NO_POINT
 
 Array = NDArray[np.float64]
 
@@ -58,6 +58,8 @@ def least_distance(N: Array, lo: Array, hi: Array) -> LeastDistance:
         if found is None:
             return lost
         t, multipliers = found
+        if (rows[chosen] @ t < limits[chosen] - MISSED * (1.0 + np.abs(limits[chosen]))).any():
+            return lost  # a compromise of rows that exclude each other, by little
     return LeastDistance(t, 0, "failed")
 
 

@@ -173,9 +173,10 @@ class ModelMhe(Baseline):
                     "process_noise: expected a covariance or 'residual', since the model is given, "
                     "found 'recorded'"
                 )
-            Q, R = recorded_noise(model, self.model)
-            self.model = replace(self.model, residual=scipy.linalg.block_diag(Q, R))
-            return Q
+            found = recorded_noise(model, self.model)
+            residual = scipy.linalg.block_diag(found.Q, found.R)
+            self.model = replace(self.model, residual=residual)
+            return found.Q
         Q = array("process_noise", given, (n, n))
         check_finite("process_noise", Q)
         least = float(np.linalg.eigvalsh(0.5 * (Q + Q.T))[0])

@@ -7,6 +7,7 @@ likely."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -20,14 +21,28 @@ from ddmhe.baselines.tol import LEAST_NOISE, LEAST_SHARE
 Array = NDArray[np.float64]
 Part = tuple[Array, Array, Array]
 
-__all__ = ["log_likelihood", "recorded_noise"]
+__all__ = ["RecordedNoise", "log_likelihood", "recorded_noise"]
 
 SHARES = tuple(10.0 ** np.arange(0.0, -6.1, -0.5))
 """θ that are tried."""
 
 
-def recorded_noise(history: History, model: LinearModel) -> tuple[Array, Array]:
-    """Q (n, n) and R (p, p), diagonal, of the most likely share; units of x² and y²."""
+@dataclass(frozen=True, eq=False)
+class RecordedNoise:
+    """What a recording says of its noise; units of x² and y²."""
+
+    share: float
+    """θ."""
+    Q: Array
+    """Covariance (n, n) of the disturbance."""
+    N: Array
+    """Of the reading noise on the recorded states (n, n)."""
+    R: Array
+    """Of the outputs' noise (p, p), diagonal."""
+
+
+def recorded_noise(history: History, model: LinearModel) -> RecordedNoise:
+    """Q, N and R of the most likely share."""
     assert model.residual is not None
     n = len(model.A)
     x = np.concatenate([x for x, _ in history.recordings])
@@ -49,8 +64,10 @@ def recorded_noise(history: History, model: LinearModel) -> tuple[Array, Array]:
     ]
     splits = [_split(unit, share) for share in SHARES]
     likely = [log_likelihood(unit, parts, *split) for split in splits]
-    Q, _, R = splits[int(np.argmax(likely))]
-    return Q * np.outer(size[:n], size[:n]), R * np.outer(size[n:], size[n:])
+    best = int(np.argmax(likely))
+    Q, N, R = splits[best]
+    of_x, of_y = np.outer(size[:n], size[:n]), np.outer(size[n:], size[n:])
+    return RecordedNoise(float(SHARES[best]), Q * of_x, N * of_x, R * of_y)
 
 
 def _split(unit: LinearModel, share: float) -> tuple[Array, Array, Array]:

@@ -13,6 +13,7 @@ __all__ = [
     "LEAST_OUTPUT_NOISE",
     "LEAST_RATIO",
     "LEAST_SHARE",
+    "MISSED",
     "NONZERO",
     "NO_POINT",
     "ORACLE_NOISE",
@@ -63,6 +64,8 @@ LEAST_RATIO = 1e-12
 
 BOX = 1e-12
 """A bound counts as met when it is missed by less, in units of a row of length one."""
+MISSED = 1e-9
+"""Bounds that hold a point are missed by less, in the same units, or no point is inside of all."""
 NO_POINT = 1e-13
 """Least 1/(1 + ‖t‖²) of a point, t in units of the largest limit: below it is rounding, and there
 is no point inside of all bounds."""

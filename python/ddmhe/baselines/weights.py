@@ -95,9 +95,11 @@ class RecordedWeights:
 
 
 def root(S: Array) -> Array:
-    """L with L Lᵀ = S, symmetric and positive semidefinite (its negative part is cut)."""
+    """L with L Lᵀ = S, symmetric and positive semidefinite (what is negative or rounding is cut: no
+    direction of a deviation that is none)."""
     values, vectors = np.linalg.eigh(0.5 * (S + S.T))
-    return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))
+    rounding = len(S) * np.finfo(float).eps * values[-1]
+    return np.asarray(vectors * np.sqrt(np.where(values > rounding, values, 0.0)))
 
 
 def _stationary(model: LinearModel, Q: Array, R: Array) -> Array:
