@@ -14,7 +14,7 @@ use crate::history::History;
 use crate::inputs::InputWatch;
 use crate::magnitude::{check_reach, check_ridge, check_scales, check_sizes, check_weights};
 use crate::plan_builder::{Draft, Ground, Prepared, factorisation};
-use crate::process_noise::driving;
+use crate::process_noise::{driving, wanted};
 use crate::recorded_default;
 use crate::remarks::Remarks;
 use crate::response::OwnResponse;
@@ -263,7 +263,7 @@ impl Source<'_> {
                 _ => weights.mu_as_printed(scaling),
             },
             weights: config.weighting(),
-            driven: space.driven.is_some(),
+            process_noise: wanted(config).clone(),
             rank: space.undisturbed(),
             lambda: space.lambda,
             equilibrium_used: self.rest.is_some(),

@@ -5,12 +5,21 @@ use crate::driving::{Driving, diagonal};
 use crate::error::Error;
 use crate::history::History;
 use crate::linear_model::LinearModel;
-use crate::recorded_noise::RecordedNoise;
+use crate::recorded_noise::{RecordedNoise, SHARE};
 use crate::scaling::{EXACT, Scaling};
 use faer::Mat;
 
 /// Blocks in a window of the horizon, where the weights are not the recording's.
 const BLOCKS: usize = 4;
+
+/// The disturbance that is fitted, with `Auto` decided.
+pub(crate) fn wanted(config: &Config) -> &ProcessNoise {
+    match &config.process_noise {
+        ProcessNoise::Auto if config.weighting() == Weighting::Recorded => &ProcessNoise::Recorded,
+        ProcessNoise::Auto => &ProcessNoise::None,
+        given => given,
+    }
+}
 
 /// What a configuration asks for; None for no disturbance.
 ///
@@ -23,22 +32,23 @@ pub(crate) fn driving(
     horizon: usize,
 ) -> Result<Option<Driving>, Error> {
     let recorded = config.weighting() == Weighting::Recorded;
-    let wanted = match &config.process_noise {
-        ProcessNoise::Auto if recorded => &ProcessNoise::Recorded,
-        ProcessNoise::Auto => &ProcessNoise::None,
-        given => given,
-    };
+    let wanted = wanted(config);
     if *wanted == ProcessNoise::None {
         return Ok(None);
     }
     if let ProcessNoise::Recorded | ProcessNoise::Residual = wanted {
         check_shown(scaling, &config.process_noise)?;
     }
-    let model = LinearModel::new(history, scaling);
+    let mut model = LinearModel::new(history, scaling);
     let (Q, R) = match wanted {
         ProcessNoise::Recorded => {
-            let RecordedNoise { Q, R, .. } = RecordedNoise::new(history, scaling, &model);
-            (Q, R)
+            let mut noise = RecordedNoise::new(history, scaling, &model);
+            let large = noise.share_of_states(history, scaling) > SHARE;
+            if recorded && large && history.m() == 0 {
+                model = model.of_windows(history, scaling);
+                noise = RecordedNoise::new(history, scaling, &model);
+            }
+            (noise.Q, noise.R)
         }
         ProcessNoise::Given(Q) => (scaled(Q, &scaling.s_x), diagonal(&model.of_outputs())),
         _ => (model.of_states(), diagonal(&model.of_outputs())),
