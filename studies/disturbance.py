@@ -151,6 +151,13 @@ def ratio(found, case, over, under):
 
 
 DEMANDS = (
+    ("masses, states ± 0", "default", "ErrorStateKalman", 1.02),
+    ("masses, states ± 0.01", "default", "ErrorStateKalman", 0.65),
+    ("bench", "default", "plain", 1.0),
+    ("detumbling, states ± 0.0001, 20 s", "default", "plain", 1.10),
+    ("detumbling, states ± 0.0001, 40 s", "default", "plain", 1.10),
+    ("detumbling, states ± 0.001, 20 s", "default", "plain", 1.10),
+    ("detumbling, states ± 0.001, 40 s", "default", "plain", 1.10),
     ("masses, states ± 0", "recorded", "ErrorStateKalman", 1.02),
     ("masses, states ± 0.01", "recorded", "ErrorStateKalman", 0.65),
     ("bench", "recorded", "plain", 1.0),

