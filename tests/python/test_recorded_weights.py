@@ -389,6 +389,22 @@ def test_by_default_no_curved_exact_or_hidden_recording_has_them():
     assert ddmhe.DdMhe(ddmhe.History(x[:, :1], y[:, 1:])).weights == "scaled"
 
 
+@pytest.mark.parametrize("x_noise", [0.003, 0.01])
+def test_by_default_an_output_that_is_a_recorded_state_costs_nothing(x_noise):
+    """The log's columns serve as states and as outputs: their reading noise is one and the same."""
+    ratios = []
+    for seed in range(40, 44):
+        history, _, truth = masses(seed, x_noise)
+        x, _ = history.recordings[0]
+        at, rng = [0, 2], np.random.default_rng(seed)
+        read = truth[:-1, at] + x_noise * rng.standard_normal((len(truth) - 1, 2))
+        again = ddmhe.History(x, x[:-1, at])
+        Y = np.vstack([x[-1:, at], read])
+        default, plain = ddmhe.DdMhe(again), ddmhe.DdMhe(again, process_noise=None)
+        ratios.append(error(default, Y, truth) / error(plain, Y, truth))
+    assert np.median(ratios) < 1.05
+
+
 def test_the_default_reads_one_recording_as_it_reads_several():
     history, Y, _ = masses(52, 0.003)
     (x, y) = history.recordings[0]
