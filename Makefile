@@ -4,7 +4,7 @@
 .NOTPARALLEL:
 .PHONY: help setup packages demo test test-long lint bench bench-latency bench-peers \
 	instructions wheel test-wheel study-defaults study-certificates study-tuning study-promise \
-	study-sensitivity study-reproduction study-intervals study-estimators clean
+	study-sensitivity study-reproduction study-intervals study-estimators study-disturbance clean
 
 PY := .venv/bin/python
 # The build belongs to .venv, whatever environment the shell is in.
@@ -103,6 +103,9 @@ study-intervals: setup ## interval observer: 100 000 trajectories, widths, time
 study-estimators: setup ## Dd-MHE beside estimators that identify a model; docs/estimators.md
 	OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 \
 		$(firstword $(wildcard .venv-peers/bin/python) $(PY)) studies/which_estimator.py
+
+study-disturbance: setup ## fitted disturbance and weights from the recording
+	OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 $(PY) studies/disturbance.py
 
 study-reproduction: setup ## every experiment of both papers; docs/claims.md and its tables
 	$(PY) -m ddmhe reproduce all --out ddmhe-reproduce
