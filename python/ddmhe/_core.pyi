@@ -1,6 +1,6 @@
 """Types of the compiled core; its docstrings are those of the classes themselves."""
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, Literal, Protocol, TypeAlias, final, overload
 
 import numpy as np
@@ -152,6 +152,7 @@ class DdMhe:
         *,
         weights: Literal["auto", "paper", "scaled"] = "auto",
         start: _Start | None = None,
+        soft: float | Mapping[Literal["x", "v"], float] | None = None,
     ) -> DdMhe: ...
     @overload
     def step(

@@ -7,7 +7,7 @@ use ddmhe_core::{Config, DdMhe, Start};
 use ddmhe_run::layout::Layout;
 use ddmhe_run::memory::memory_len;
 use ddmhe_run::plan::{Common, Depth, Kind, Sizes};
-use ddmhe_run::{PlanError, Stepper};
+use ddmhe_run::{PlanError, Prices, Stepper};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
@@ -139,6 +139,7 @@ fn lengths_can_be_counted_in_32_bits() {
             v_bounded: flag(1),
             centered: flag(2),
             plain_noise: flag(3),
+            prices: Prices { x: f64::from(u8::from(flag(4))), v: 0.0 },
         }
     };
     assert!(sizes([20, 20, 5, 100, 40], 15).countable(largest));
@@ -151,7 +152,7 @@ fn lengths_can_be_counted_in_32_bits() {
     for _ in 0..40_000 {
         // of every magnitude up to what a header may say
         let five = std::array::from_fn(|_| 2_f64.powf(rng.random_range(0.0..19.9)) as usize);
-        let sizes = sizes(five, rng.random_range(0..16));
+        let sizes = sizes(five, rng.random_range(0..32));
         if !sizes.countable(largest) {
             continue;
         }

@@ -4,6 +4,7 @@ use crate::certificate::{Certificate, Disturbance};
 use crate::check::check_vector;
 use crate::error::Error;
 use crate::history::History;
+use crate::soft::Soft;
 use crate::space::Space;
 use crate::tol;
 use crate::variation::Rest;
@@ -110,6 +111,8 @@ pub struct Config {
     pub x_center: Center,
     /// Box on the fitted noise (16d).
     pub v_bounds: Option<Bounds>,
+    /// Prices of leaving the bounds; None: they are hard.
+    pub soft: Option<Soft>,
     /// A known rest, added to the data as constant windows when the recording is noisy.
     pub equilibrium: Option<Equilibrium>,
     /// Where a run starts; `x_prior` needs [`Start::State`].
@@ -131,6 +134,11 @@ impl Config {
     /// [`Error::Shape`], [`Error::NotFinite`] or [`Error::Value`] naming the setting.
     pub fn check(&self, history: &History) -> Result<(), Error> {
         validate(history, self)
+    }
+
+    /// Whether there are bounds on the states, and on the fitted noise.
+    pub(crate) fn bounded(&self) -> [bool; 2] {
+        [self.x_bounds.is_some(), self.v_bounds.is_some()]
     }
 
     /// The known rest.
@@ -188,6 +196,9 @@ pub(crate) fn validate(history: &History, config: &Config) -> Result<(), Error> 
     }
     if let Some(bounds) = &config.v_bounds {
         check_box("v_bounds", bounds, &[p])?;
+    }
+    if let Some(soft) = config.soft {
+        soft.check(config.bounded())?;
     }
     if let Some(Equilibrium { x, y, u }) = &config.equilibrium {
         check_vector("equilibrium", x, n)?;

@@ -157,6 +157,7 @@ impl Surplus {
                 hessian_factor: None,
                 windows: &windows,
                 trust: Trust::CERTAIN,
+                prices: problem.prices,
             };
             let (status, changes) = decide(&near, fallback, (kept, work), &mut zeta, w);
             iterations += changes;
@@ -203,6 +204,7 @@ impl Surplus {
             hessian_factor: None,
             windows: &windows,
             trust: Trust::CERTAIN,
+            prices: None,
         };
         let (mut set, mut memory) = (OwnSet::new(q), vec![0.0; work_len(q)]);
         let room = (&mut set.working(), &mut memory[..]);

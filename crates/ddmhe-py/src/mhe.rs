@@ -64,6 +64,12 @@ use std::sync::MutexGuard;
 ///     from a prior that is as wide as the recorded states. Neither start nor x_prior given:
 ///     Algorithm 1 with the last recorded state as prior, which assumes that the run starts at (or
 ///     near) that state.
+/// soft : float > 0, or a mapping {"x": price, "v": price}, optional
+///     Bounds may be left at that price: a row of the window that is e deviations of its recorded
+///     channel outside adds price * (e + e**2) to the cost in scaled units, so that a window always
+///     has an estimate. It is the estimate of hard bounds where these can be met at less than that
+///     price, and the estimate is outside of the box where not. None, and what a mapping does not
+///     name: hard. "x" is the price of bounds that are given to a step, too.
 ///
 /// Raises
 /// ------
@@ -92,7 +98,8 @@ impl DdMhe {
         signature = (history, *places, **names),
         text_signature = "(history, horizon=None, rho=None, mu=None, x_prior=None, \
             x_bounds=None, x_center=None, v_bounds=None, equilibrium=None, warm_start=None, \
-            space='auto', certificate=None, disturbance=None, *, weights='auto', start=None)"
+            space='auto', certificate=None, disturbance=None, *, weights='auto', start=None, \
+            soft=None)"
     )]
     fn new(
         history: &Bound<'_, PyAny>,

@@ -10,7 +10,7 @@ use crate::convert::{
 };
 use crate::history::{Channels, History};
 use crate::spaces;
-use ddmhe_core::{Bounds, Center, Config, Equilibrium, Start, Weighting};
+use ddmhe_core::{Bounds, Center, Config, Equilibrium, Soft, Start, Weighting};
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyDictMethods, PyTuple};
@@ -19,7 +19,7 @@ use pyo3::types::{PyDict, PyDictMethods, PyTuple};
 type Read = fn(&mut Config, &Given<'_, '_>) -> PyResult<()>;
 
 /// Every setting by its name, in the order of `DdMhe`'s arguments, in which they are read.
-const TABLE: [(&str, Read); 14] = [
+const TABLE: [(&str, Read); 15] = [
     ("horizon", |c, v| put(&mut c.horizon, whole(v.name, v.value))),
     ("rho", |c, v| put(&mut c.rho, number(v.name, v.value))),
     ("mu", |c, v| put(&mut c.mu, number(v.name, v.value))),
@@ -34,6 +34,7 @@ const TABLE: [(&str, Read); 14] = [
     ("disturbance", |c, v| put(&mut c.disturbance, certificate::disturbance(v.value))),
     ("weights", |c, v| set(&mut c.weights, v.choice(&WEIGHTS))),
     ("start", |c, v| set(&mut c.start, v.choice(&STARTS))),
+    ("soft", |c, v| put(&mut c.soft, v.soft())),
 ];
 
 /// Settings that may be given by their place; those behind them need their names.
@@ -111,6 +112,29 @@ impl<'py> Given<'_, 'py> {
             y: self.vector(&items[1], self.p())?,
             u: items.get(2).map_or(Ok(Vec::new()), inputs)?,
         })
+    }
+
+    /// A price, or prices {"x": …, "v": …}.
+    fn soft(&self) -> PyResult<Soft> {
+        let Ok(prices) = self.value.cast::<PyDict>() else {
+            return number(self.name, self.value).map(Soft::all);
+        };
+        let mut soft = Soft::default();
+        for (key, price) in prices {
+            let name = text(self.name, &key)?;
+            let place = match name.as_str() {
+                "x" => &mut soft.x,
+                "v" => &mut soft.v,
+                _ => {
+                    let argument = self.name;
+                    return Err(DdmheError::new_err(format!(
+                        "{argument}: expected prices by \"x\" or \"v\", found {name:?}"
+                    )));
+                }
+            };
+            *place = Some(number(self.name, &price)?);
+        }
+        Ok(soft)
     }
 
     /// What one of the known texts stands for.

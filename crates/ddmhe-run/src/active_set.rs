@@ -22,6 +22,7 @@
 //! Nothing here allocates: the numbers live in the caller's memory, [`work_len`] of them.
 
 pub mod factor;
+pub mod priced;
 pub mod problem;
 pub mod proof;
 pub mod rows;
@@ -29,6 +30,7 @@ mod solve;
 pub mod working_set;
 
 pub use factor::{solve_lower, solve_transposed, work_len};
+pub use priced::{Slack, priced_len};
 pub use problem::{LeastDistance, Outcome, Trust, Windows};
 pub use proof::Combination;
 pub use rows::{Rows, RowsMut};

@@ -2,6 +2,7 @@
 //! works in.
 
 use crate::active_set::factor::work_len;
+use crate::active_set::priced::priced_len;
 use crate::active_set::working_set::{ActiveBound, Kept, Sides, WorkingSet};
 use crate::panels::padded;
 use crate::plan::common::{Shared, Sizes};
@@ -40,8 +41,14 @@ impl Room {
         2 * rank + 3 * window + outputs + hessian_factor + block + moved
     }
 
-    fn len(&self, r: usize) -> usize {
-        self.len_before_sides() + 2 * self.sides + work_len(r)
+    fn len(&self, sizes: Sizes) -> usize {
+        let Sizes { n, p, horizon, rank: r, prices, .. } = sizes;
+        let soft = prices.soft_rows([padded((horizon + 1) * n), padded(horizon * p)]);
+        let work = match soft {
+            0 => work_len(r),
+            soft => priced_len(r, self.window, soft).max(work_len(r)),
+        };
+        self.len_before_sides() + 2 * self.sides + work
     }
 }
 
@@ -76,7 +83,7 @@ pub fn memory_len(sizes: Sizes) -> usize {
     let Sizes { n, p, horizon, rank, .. } = sizes;
     let stretch = padded(samples(horizon) * p) + padded(samples(horizon) * n);
     let known = padded(horizon * p) + Forced::new(sizes, 0).len();
-    stretch + known + Room::new(n, p, horizon, rank).len(rank)
+    stretch + known + Room::new(n, p, horizon, rank).len(sizes)
 }
 
 /// The forced motion of the window, and what is left of its outputs: nothing without inputs.

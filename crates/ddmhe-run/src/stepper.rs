@@ -154,7 +154,9 @@ impl<B: AsRef<[f64]> + AsMut<[f64]>, F: Fallback> Pass<'_, B, F> {
         if status == Status::AlmostOptimal {
             return;
         }
-        if status == Status::Failed || self.problem.shared.sizes.v_bounded {
+        let sizes = self.problem.shared.sizes;
+        let excluded = sizes.v_bounded && !(sizes.prices.v > 0.0);
+        if status == Status::Failed || excluded {
             (found.solution, found.anew) = self.doubt(status == Status::Failed, out);
         }
         if !found.solution.sound {
@@ -222,8 +224,12 @@ impl<B: AsRef<[f64]> + AsMut<[f64]>, F: Fallback> Pass<'_, B, F> {
         far.root()
     }
 
-    /// The window with its states moved into a box; None: the configured one.
+    /// The window with its states moved into a box, unless they may leave it; None: the configured
+    /// one.
     fn move_into(&mut self, x_bounds: Option<Limits<'_>>, out: &mut Answer<'_>) {
+        if self.problem.shared.sizes.prices.x > 0.0 {
+            return;
+        }
         let Parts { prior, outputs, means, missing, mut scratch, .. } = self.memory.parts();
         let data = Data { prior, outputs, missing, means: self.problem.means(means), x_bounds };
         self.problem.confine(&data, &mut scratch, out.window);

@@ -42,7 +42,7 @@ impl WindowProblem<'_> {
         let found = self.minimise(fallback, data, (working, scratch), v)?;
         working.adapt(|row| layout.older(row));
         self.in_user_units(scratch.window, data.means, states);
-        let cost = self.cost(data, scratch, v);
+        let cost = self.cost(data, scratch, v) + found.cost;
         let sound = cost.is_finite() && self.within_reach(scratch.window);
         let status = if sound { found.status } else { Status::Failed };
         Some(WindowSolution { status, sound, cost, ..found })
@@ -108,6 +108,7 @@ impl WindowProblem<'_> {
             hessian_factor: if changed { Some(&*s.hessian_factor) } else { None },
             windows: self,
             trust: Trust::CERTAIN,
+            prices: self.shared.sizes.prices.of_rows(self.depth.layout.split()),
         };
         let (status, iterations) = if !self.depth.kind.surplus {
             decide(&problem, fallback, (working, s.work), s.z, s.window)
@@ -120,6 +121,9 @@ impl WindowProblem<'_> {
             working.forget_factor(); // of this Hessian, or of the problem made for this window
         }
         self.residual(data.outputs, s.window, v);
+        if let Some(prices) = problem.prices {
+            return Some(WindowSolution { status, iterations, ..self.priced(prices, s) });
+        }
         let active = self.count_active(s);
         Some(WindowSolution { status, active, iterations, ..WindowSolution::default() })
     }

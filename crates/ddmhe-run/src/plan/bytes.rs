@@ -3,6 +3,7 @@
 use crate::layout::Layout;
 use crate::plan::common::{Common, HEADER, Margin, Shared, Sizes};
 use crate::plan::depth::{Depth, HEAD, Kind};
+use crate::prices::Prices;
 use core::fmt;
 
 const MAGIC: u64 = u64::from_le_bytes(*b"ddmheplN");
@@ -10,6 +11,8 @@ const MAGIC: u64 = u64::from_le_bytes(*b"ddmheplN");
 const FORMAT: f64 = 2.0;
 /// Where the checksum is, which is of everything else.
 const SUM: usize = 3;
+/// Where the prices of leaving bounds are.
+const PRICES: usize = HEADER - 2;
 
 /// Bytes where doubles can be read: `static PLAN: Aligned<[u8; LEN]> =
 /// Aligned(*include_bytes!(…))`.
@@ -75,20 +78,21 @@ impl Common {
     /// depths, and depths of an unknown start.
     pub fn write_header(&self, numbers: &mut [f64], total: usize, blocks: [usize; 2]) {
         let Sizes { n, p, m, lag, horizon, rank, filled, .. } = self.sizes;
-        let Sizes { x_bounded, v_bounded, centered, plain_noise, .. } = self.sizes;
+        let Sizes { x_bounded, v_bounded, centered, plain_noise, prices, .. } = self.sizes;
         numbers[0] = f64::from_bits(MAGIC);
         numbers[1] = FORMAT;
         let sizes = [n, p, horizon, rank, filled, blocks[0], blocks[1]];
         numbers[2] = total as f64;
         numbers[SUM] = 0.0;
         numbers[4..11].iter_mut().zip(sizes).for_each(|(number, size)| *number = size as f64);
-        numbers[11] = flags(&[x_bounded, v_bounded, centered, plain_noise]);
+        numbers[11] = flags(&[x_bounded, v_bounded, centered, plain_noise, prices.any()]);
         numbers[12] = self.rho;
         numbers[13] = self.unit;
         let [x, v] = self.margins;
         let margins = [x.per_largest, x.per_smallest, v.per_largest, v.per_smallest];
         numbers[14..18].copy_from_slice(&margins);
         (numbers[18], numbers[19]) = (m as f64, lag as f64);
+        (numbers[PRICES], numbers[PRICES + 1]) = (prices.x, prices.v);
     }
 
     /// From its numbers, with the blocks. `largest` is the largest number of this machine's width:
@@ -99,7 +103,11 @@ impl Common {
             *size = whole(*number)?;
         }
         let [n, p, horizon, rank, filled, depths, opening] = sizes;
-        let bits = known_flags(numbers[11])?;
+        let bits = known_flags(numbers[11], 5)?;
+        let prices = Prices { x: numbers[PRICES], v: numbers[PRICES + 1] };
+        if !prices.valid() || prices.any() != bit(bits, 4) {
+            return None;
+        }
         let (m, lag) = (whole(numbers[18])?, whole(numbers[19])?);
         let sizes = Sizes {
             n,
@@ -113,6 +121,7 @@ impl Common {
             v_bounded: bit(bits, 1),
             centered: bit(bits, 2),
             plain_noise: bit(bits, 3),
+            prices,
         };
         let some = n > 0 && p > 0 && horizon > 0 && rank > 0 && depths > 0 && lag > 0;
         if !some || filled > horizon || !sizes.countable(largest) {
@@ -146,9 +155,9 @@ fn whole(number: f64) -> Option<usize> {
     ((0.0..=1e6).contains(&number) && size as f64 == number).then_some(size)
 }
 
-/// Flags, if there is none that this version does not know.
-fn known_flags(number: f64) -> Option<f64> {
-    whole(number).filter(|flags| *flags < 16).map(|_| number)
+/// So many flags, if there is none that this version does not know.
+fn known_flags(number: f64, known: u32) -> Option<f64> {
+    whole(number).filter(|flags| *flags < 1 << known).map(|_| number)
 }
 
 /// The block of a depth that begins at `at`, if it is within the sizes of the plan: its own are
@@ -158,7 +167,7 @@ fn block<'a>(numbers: &'a [f64], at: usize, sizes: &Sizes) -> Option<(Depth, &'a
     let rest = numbers.get(at..)?;
     let head = rest.get(..HEAD)?;
     let layout = Layout { n: whole(head[0])?, p: whole(head[1])?, depth: whole(head[2])? };
-    let (rank, bits) = (whole(head[3])?, known_flags(head[4])?);
+    let (rank, bits) = (whole(head[3])?, known_flags(head[4], 4)?);
     let Layout { n, p, depth } = layout;
     let within = n == sizes.n && p == sizes.p && (1..=sizes.horizon).contains(&depth);
     if !within || !(1..=sizes.rank).contains(&rank) {

@@ -2,6 +2,7 @@
 
 use crate::layout::Layout;
 use crate::panels::padded;
+use crate::prices::Prices;
 use crate::response::{Response, ResponseSizes};
 use crate::tol;
 
@@ -98,6 +99,8 @@ pub struct Sizes {
     pub centered: bool,
     /// Whether the weight of the outputs is diagonal.
     pub plain_noise: bool,
+    /// Of leaving the bounds.
+    pub prices: Prices,
 }
 
 impl Sizes {
@@ -108,7 +111,8 @@ impl Sizes {
     }
 
     /// An upper bound on these, None beyond 64 bits. With S rows that a window slides through and r
-    /// directions, each array has at most (S + r)(r + n + p + m) numbers, or L (n + p + m)² in Θ.
+    /// directions, each array has at most (S + r)(r + n + p + m) numbers, or L (n + p + m)² in Θ, or
+    /// (S (n + p) + r)² where bounds may be left.
     fn at_most(&self) -> Option<u64> {
         let [n, p, m, lag] = [self.n, self.p, self.m, self.lag].map(|size| size as u64);
         let [M, r] = [self.horizon, self.rank].map(|size| size as u64);
@@ -116,8 +120,10 @@ impl Sizes {
         let theta = lag.checked_mul(channels)?.checked_mul(channels.checked_add(16)?)?;
         let samples = M.max(32).checked_mul(2)?.checked_add(2)?;
         let rows = samples.checked_mul(channels)?.checked_add(r)?.checked_add(16)?;
+        let left = if self.prices.any() { rows.checked_mul(rows)? } else { 0 };
         rows.checked_mul(r.checked_add(channels)?.checked_add(16)?)?
             .checked_add(theta)?
+            .checked_add(left)?
             .checked_mul(16)
     }
 

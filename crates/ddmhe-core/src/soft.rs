@@ -1,0 +1,54 @@
+//! Bounds that may be left at a price: the setting, and its checks.
+
+use crate::error::Error;
+use crate::tol;
+use ddmhe_run::Prices;
+use serde::{Deserialize, Serialize};
+
+/// What leaving a bound costs; a bound without a price is hard. A row that is left by e of its
+/// channel's recorded deviations adds price · (e + e²) to the cost in scaled units: see
+/// [`ddmhe_run::prices`].
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+pub struct Soft {
+    /// Price of `x_bounds`, and of those of a step.
+    pub x: Option<f64>,
+    /// Price of `v_bounds`.
+    pub v: Option<f64>,
+}
+
+impl Soft {
+    /// One price for all bounds.
+    pub fn all(price: f64) -> Self {
+        Soft { x: Some(price), v: Some(price) }
+    }
+
+    /// Each block's price, and whether it is bounded.
+    fn blocks(self, [x, v]: [bool; 2]) -> [(Option<f64>, bool); 2] {
+        [(self.x, x), (self.v, v)]
+    }
+
+    /// 0 for the bounds that are hard; `bounded`: whether there are bounds on x, on v.
+    pub(crate) fn prices(self, bounded: [bool; 2]) -> Prices {
+        let of = |(price, bounded): (Option<f64>, bool)| if bounded { price.unwrap_or(0.0) } else { 0.0 };
+        let [x, v] = self.blocks(bounded).map(of);
+        Prices { x, v }
+    }
+
+    /// Positive finite prices, at least one of bounds that there are.
+    pub(crate) fn check(self, bounded: [bool; 2]) -> Result<(), Error> {
+        let blocks = self.blocks(bounded);
+        for price in blocks.iter().filter_map(|block| block.0) {
+            let (least, most) = tol::SIZES;
+            if !(least..=most).contains(&price) {
+                let expected = format!("a positive finite price, from {least:e} to {most:e}");
+                return Err(Error::value("soft", expected, price));
+            }
+        }
+        if !blocks.iter().any(|(price, bounded)| price.is_some() && *bounded) {
+            let expected = "bounds beside it that it is the price of leaving (x_bounds of ±inf \
+            where only single steps have some)";
+            return Err(Error::value("soft", expected, "none"));
+        }
+        Ok(())
+    }
+}
