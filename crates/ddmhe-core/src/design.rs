@@ -242,7 +242,7 @@ impl Source<'_> {
             v_bounded: config.v_bounds.is_some(),
             centered: config.x_center == Center::History,
             plain_noise: config.certificate.is_none(),
-            prices: config.soft.unwrap_or_default().prices(config.bounded()),
+            prices: config.soft.unwrap_or_default().prices(),
         };
         let boxes = (config.x_bounds.as_ref(), config.v_bounds.as_ref());
         let x_prior = config.x_prior.as_deref();

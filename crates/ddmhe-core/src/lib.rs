@@ -92,6 +92,7 @@ mod design;
 mod error_bound;
 mod estimate;
 mod excitation;
+mod extended;
 mod fallback;
 mod filter;
 mod first_window;

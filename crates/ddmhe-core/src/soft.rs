@@ -22,29 +22,23 @@ impl Soft {
         Soft { x: Some(price), v: Some(price) }
     }
 
-    /// Each block's price, and whether it is bounded.
-    fn blocks(self, [x, v]: [bool; 2]) -> [(Option<f64>, bool); 2] {
-        [(self.x, x), (self.v, v)]
+    /// 0 for hard bounds.
+    pub(crate) fn prices(self) -> Prices {
+        Prices { x: self.x.unwrap_or(0.0), v: self.v.unwrap_or(0.0) }
     }
 
-    /// 0 for the bounds that are hard; `bounded`: whether there are bounds on x, on v.
-    pub(crate) fn prices(self, bounded: [bool; 2]) -> Prices {
-        let of = |(price, bounded): (Option<f64>, bool)| if bounded { price.unwrap_or(0.0) } else { 0.0 };
-        let [x, v] = self.blocks(bounded).map(of);
-        Prices { x, v }
-    }
-
-    /// Positive finite prices, at least one of bounds that there are.
+    /// Positive finite prices, at least one of bounds that there are; `bounded`: whether there are
+    /// bounds on x, on v.
     pub(crate) fn check(self, bounded: [bool; 2]) -> Result<(), Error> {
-        let blocks = self.blocks(bounded);
-        for price in blocks.iter().filter_map(|block| block.0) {
+        let prices = [self.x, self.v];
+        for price in prices.into_iter().flatten() {
             let (least, most) = tol::SIZES;
             if !(least..=most).contains(&price) {
                 let expected = format!("a positive finite price, from {least:e} to {most:e}");
                 return Err(Error::value("soft", expected, price));
             }
         }
-        if !blocks.iter().any(|(price, bounded)| price.is_some() && *bounded) {
+        if !prices.iter().zip(bounded).any(|(price, bounded)| price.is_some() && bounded) {
             let expected = "bounds beside it that it is the price of leaving (x_bounds of ±inf \
             where only single steps have some)";
             return Err(Error::value("soft", expected, "none"));

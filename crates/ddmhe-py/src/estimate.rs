@@ -64,7 +64,7 @@ impl Estimate {
         Ok(self.v.get_or_try_init(py, made)?.clone_ref(py))
     }
 
-    /// Cost (17) at the estimate.
+    /// Cost (17) at the estimate, and what it pays for leaving soft bounds.
     #[getter]
     fn cost(&self) -> f64 {
         self.core.cost
@@ -85,7 +85,7 @@ impl Estimate {
         self.core.status.as_str()
     }
 
-    /// Number of bounds that the window touches.
+    /// Number of bounds that the window touches, or leaves where they are soft.
     #[getter]
     fn active(&self) -> usize {
         self.core.active

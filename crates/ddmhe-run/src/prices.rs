@@ -38,7 +38,7 @@ impl Prices {
 
     /// Of each row of a window whose outputs begin at `split`; None where all bounds are hard.
     #[inline(always)]
-    pub(crate) fn of_rows(self, split: usize) -> Option<RowPrices> {
+    pub fn of_rows(self, split: usize) -> Option<RowPrices> {
         if self.any() { Some(RowPrices { split, prices: self }) } else { None }
     }
 }

@@ -14,7 +14,8 @@ impl WindowProblem<'_> {
         for (row, (((w, lo), hi), unit)) in rows.enumerate() {
             let outside = (lo - w).max(w - hi);
             active += usize::from(outside >= -tol::ACTIVE_SET * unit);
-            if outside > 0.0 && prices.of(row) > 0.0 {
+            // what is closer is on its bound, up to rounding
+            if outside > tol::FEASIBLE * unit && prices.of(row) > 0.0 {
                 let e = outside / unit;
                 paid += prices.of(row) * (e + e * e);
             }

@@ -18,6 +18,9 @@
 //! in the configured box alone: a box of one step is not remembered. An estimate that is itself
 //! beyond 1/ε deviations is none: the window starts again from the recording's mean and from no
 //! output.
+//!
+//! *Soft bounds.* A bound with a [price](crate::prices) is left where that costs less: no output is
+//! left out for the sake of it, and no state is moved into it, whatever the status.
 
 use crate::estimate::Estimate;
 use crate::fallback::{Alone, Fallback};
@@ -321,7 +324,7 @@ impl<'p, 'm> Stepper<'p, 'm> {
 
     /// Consumes y(t-1) (p numbers, NaN = this entry was not measured) and returns the estimate
     /// x̂(t). Whatever its status, x and the window are finite and, unless the status is optimal,
-    /// exactly inside the box on the states; see the head of this module for what they then are.
+    /// exactly inside the box on the states, if that is hard; see the head of this module for what they then are.
     /// None for another number of entries; the estimator is then unchanged.
     pub fn step(&mut self, y: &[f64]) -> Option<Estimate<'_>> {
         self.step_with(y, &[])

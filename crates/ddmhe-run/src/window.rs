@@ -212,7 +212,7 @@ impl WindowProblem<'_> {
             .fold(true, |near, (x, per_s)| near & (x.abs() * per_s <= tol::MEASURABLE))
     }
 
-    /// Number of bounds that the window in the scratch touches.
+    /// Number of hard bounds that the window in the scratch touches.
     #[inline(always)]
     fn count_active(&self, s: &Scratch<'_>) -> usize {
         let mut count = 0_u64;

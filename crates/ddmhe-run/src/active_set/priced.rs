@@ -141,11 +141,7 @@ struct Extended<'p, 'a, 'm, W: Windows> {
 }
 
 impl<'p, 'a, 'm, W: Windows> Extended<'p, 'a, 'm, W> {
-    fn new(
-        problem: &'p LeastDistance<'a, W>,
-        memory: &'m mut [f64],
-        count: &'m mut usize,
-    ) -> Self {
+    fn new(problem: &'p LeastDistance<'a, W>, memory: &'m mut [f64], count: &'m mut usize) -> Self {
         let (rows, r) = (problem.rows.len(), problem.rows.r);
         let bounded = |row: usize| problem.lo[row].is_finite() || problem.hi[row].is_finite();
         let may_be_left = |row: &usize| bounded(*row) && problem.slack(*row).is_some();
@@ -160,8 +156,7 @@ impl<'p, 'a, 'm, W: Windows> Extended<'p, 'a, 'm, W> {
         slot.fill(0.0);
         let work = Work::new(memory, r + soft);
         let sides = Sides::new(codes, count);
-        let extended =
-            Extended { problem, work, sides, lo, hi, slot, row, slots: 0, changes: 0 };
+        let extended = Extended { problem, work, sides, lo, hi, slot, row, slots: 0, changes: 0 };
         extended.work.t.fill(0.0);
         extended
     }
@@ -385,11 +380,8 @@ impl<'p, 'a, 'm, W: Windows> Extended<'p, 'a, 'm, W> {
 
     /// How far the multipliers may be moved, and what happens there.
     fn event(&self, full: f64, own: f64) -> (f64, Event) {
-        let (mut step, mut event) = if full.is_finite() {
-            (full, Event::Reached)
-        } else {
-            (f64::INFINITY, Event::Never)
-        };
+        let (mut step, mut event) =
+            if full.is_finite() { (full, Event::Reached) } else { (f64::INFINITY, Event::Never) };
         if own < step {
             (step, event) = (own, Event::LeaveOwn);
         }
