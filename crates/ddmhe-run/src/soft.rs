@@ -1,14 +1,13 @@
 //! What a window pays for leaving its bounds.
 
 use crate::prices::RowPrices;
-use crate::problem::{Scratch, WindowProblem, WindowSolution};
+use crate::problem::{Scratch, WindowProblem};
 use crate::tol;
 
 impl WindowProblem<'_> {
     /// What the window in the scratch pays, in the units of the cost, and how many of its bounds
     /// hold or are left.
-    #[cold]
-    pub(crate) fn priced(&self, prices: RowPrices, s: &Scratch<'_>) -> WindowSolution {
+    pub(crate) fn paid(&self, prices: RowPrices, s: &Scratch<'_>) -> (f64, usize) {
         let (mut paid, mut active) = (0.0, 0);
         let rows = s.window.iter().zip(&*s.lo).zip(&*s.hi).zip(self.rows.unit);
         for (row, (((w, lo), hi), unit)) in rows.enumerate() {
@@ -20,6 +19,6 @@ impl WindowProblem<'_> {
                 paid += prices.of(row) * (e + e * e);
             }
         }
-        WindowSolution { cost: self.shared.unit * paid, active, ..WindowSolution::default() }
+        (self.shared.unit * paid, active)
     }
 }

@@ -21,6 +21,7 @@ use crate::active_set::working_set::WorkingSet;
 use crate::fallback::{Fallback, decide};
 use crate::panels::{WIDTH, each, margins, scaled_difference, smaller, sum};
 use crate::plan::common::Limits;
+use crate::prices::RowPrices;
 use crate::problem::{Data, Scratch, WindowProblem, WindowSolution};
 use crate::status::Status;
 use crate::tol;
@@ -42,7 +43,10 @@ impl WindowProblem<'_> {
         let found = self.minimise(fallback, data, (working, scratch), v)?;
         working.adapt(|row| layout.older(row));
         self.in_user_units(scratch.window, data.means, states);
-        let cost = self.cost(data, scratch, v) + found.cost;
+        let mut cost = self.cost(data, scratch, v);
+        if self.shared.soft {
+            cost += found.cost;
+        }
         let sound = cost.is_finite() && self.within_reach(scratch.window);
         let status = if sound { found.status } else { Status::Failed };
         Some(WindowSolution { status, sound, cost, ..found })
@@ -86,14 +90,34 @@ impl WindowProblem<'_> {
         if margin >= -tol::FEASIBLE {
             return Some(optimal(self.count_active(s)));
         }
-        self.nearest(fallback, data, changed, (working, s), v)
+        if self.shared.soft {
+            return self.nearest_at_a_price(fallback, data, changed, (working, s), v);
+        }
+        self.nearest((fallback, None), data, changed, (working, s), v)
+    }
+
+    /// The same where bounds may be left, with what that costs.
+    #[cold]
+    #[inline(never)]
+    fn nearest_at_a_price(
+        &self,
+        fallback: &impl Fallback,
+        data: &Data<'_>,
+        changed: bool,
+        (working, s): (&mut WorkingSet<'_>, &mut Scratch<'_>),
+        v: &mut [f64],
+    ) -> Option<WindowSolution> {
+        let prices = self.shared.sizes.prices.of_rows(self.depth.layout.split());
+        let found = self.nearest((fallback, prices), data, changed, (working, s), v)?;
+        let (cost, active) = self.paid(prices?, s);
+        Some(WindowSolution { cost, active, ..found })
     }
 
     /// The window nearest to z* that satisfies the bounds in the scratch.
     #[inline(always)]
     fn nearest(
         &self,
-        fallback: &impl Fallback,
+        (fallback, prices): (&impl Fallback, Option<RowPrices>),
         data: &Data<'_>,
         changed: bool,
         (working, s): (&mut WorkingSet<'_>, &mut Scratch<'_>),
@@ -108,7 +132,7 @@ impl WindowProblem<'_> {
             hessian_factor: if changed { Some(&*s.hessian_factor) } else { None },
             windows: self,
             trust: Trust::CERTAIN,
-            prices: self.shared.sizes.prices.of_rows(self.depth.layout.split()),
+            prices,
         };
         let (status, iterations) = if !self.depth.kind.surplus {
             decide(&problem, fallback, (working, s.work), s.z, s.window)
@@ -121,9 +145,6 @@ impl WindowProblem<'_> {
             working.forget_factor(); // of this Hessian, or of the problem made for this window
         }
         self.residual(data.outputs, s.window, v);
-        if let Some(prices) = problem.prices {
-            return Some(WindowSolution { status, iterations, ..self.priced(prices, s) });
-        }
         let active = self.count_active(s);
         Some(WindowSolution { status, active, iterations, ..WindowSolution::default() })
     }
@@ -212,7 +233,7 @@ impl WindowProblem<'_> {
             .fold(true, |near, (x, per_s)| near & (x.abs() * per_s <= tol::MEASURABLE))
     }
 
-    /// Number of hard bounds that the window in the scratch touches.
+    /// Number of bounds that the window in the scratch touches.
     #[inline(always)]
     fn count_active(&self, s: &Scratch<'_>) -> usize {
         let mut count = 0_u64;

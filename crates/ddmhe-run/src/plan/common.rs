@@ -233,6 +233,8 @@ pub struct Shared<'a> {
     pub rho: f64,
     /// See [`Common::unit`].
     pub unit: f64,
+    /// Whether bounds may be left.
+    pub soft: bool,
     pub(crate) mean_x: &'a [f64],
     pub(crate) s_x: &'a [f64],
     pub(crate) per_s_x: &'a [f64],
@@ -265,6 +267,7 @@ impl<'a> Shared<'a> {
             margins: common.margins,
             rho: common.rho,
             unit: common.unit,
+            soft: common.sizes.prices.any(),
             mean_x: of(common.mean_x),
             s_x: of(common.s_x),
             per_s_x: of(common.per_s_x),
