@@ -1,7 +1,6 @@
 //! The numbers of a running estimator, in one block: the moving window and the room that a step
 //! works in.
 
-use crate::active_set::factor::work_len;
 use crate::active_set::priced::priced_len;
 use crate::active_set::working_set::{ActiveBound, Kept, Sides, WorkingSet};
 use crate::panels::padded;
@@ -44,11 +43,7 @@ impl Room {
     fn len(&self, sizes: Sizes) -> usize {
         let Sizes { n, p, horizon, rank: r, prices, .. } = sizes;
         let soft = prices.soft_rows([padded((horizon + 1) * n), padded(horizon * p)]);
-        let work = match soft {
-            0 => work_len(r),
-            soft => priced_len(r, self.window, soft).max(work_len(r)),
-        };
-        self.len_before_sides() + 2 * self.sides + work
+        self.len_before_sides() + 2 * self.sides + priced_len(r, self.window, soft)
     }
 }
 

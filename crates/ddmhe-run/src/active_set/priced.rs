@@ -28,48 +28,15 @@ use crate::active_set::working_set::{ActiveBound, Sides, WorkingSet};
 use crate::panels::{Root, axpy, dot, padded};
 use crate::tol;
 
-/// Numbers that the method works with: r directions, and `rows` rows of which `soft` may be left.
+/// Numbers that the methods work with: r directions, and `rows` rows of which `soft` may be left.
 pub fn priced_len(r: usize, rows: usize, soft: usize) -> usize {
-    3 * padded(rows) + padded(soft) + padded(r + soft) + work_len(r + soft)
-}
-
-/// What a row that may be left is to the problem.
-#[derive(Debug, Clone, Copy)]
-pub struct Slack {
-    /// c, the largest multiplier at which the row is not left.
-    pub cap: f64,
-    /// κ.
-    pub kappa: f64,
-    /// h.
-    pub floor: f64,
-    /// e for each unit of σ.
-    pub deviations: f64,
+    match soft {
+        0 => work_len(r),
+        _ => 3 * padded(rows) + padded(soft) + padded(r + soft) + work_len(r + soft),
+    }
 }
 
 impl<W: Windows> LeastDistance<'_, W> {
-    /// Of a row; None where its bounds are hard.
-    #[inline(always)]
-    pub fn slack(&self, row: usize) -> Option<Slack> {
-        let price = self.prices.map_or(0.0, |prices| prices.of(row));
-        if !(price > 0.0) {
-            return None;
-        }
-        let (unit, root) = (self.rows.unit[row] * self.rows.inverse[row], price.root());
-        let (cap, kappa) = (0.5 * price / unit, unit / root);
-        Some(Slack { cap, kappa, floor: 0.5 * root, deviations: 1.0 / root })
-    }
-
-    /// Whether no multiplier of the active bounds that [`solve`](Self::solve) has left in `kept`,
-    /// with its numbers in `memory`, is above what its price allows.
-    pub fn below_prices(&self, kept: &WorkingSet<'_>, memory: &mut [f64]) -> bool {
-        let work = Work::new(memory, self.rows.r);
-        let below = |(side, u): (ActiveBound, &f64)| match self.slack(side.row) {
-            Some(slack) => *u <= slack.cap,
-            None => true,
-        };
-        kept.sides.iter().zip(&*work.u).all(below)
-    }
-
     /// Into z and its window w, from no active bounds, in [`priced_len`] numbers of memory.
     #[cold]
     pub fn priced(
