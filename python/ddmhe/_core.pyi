@@ -1,6 +1,6 @@
 """Types of the compiled core; its docstrings are those of the classes themselves."""
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, Literal, Protocol, TypeAlias, final, overload
 
 import numpy as np
@@ -154,6 +154,7 @@ class DdMhe:
         start: _Start | None = None,
         process_noise: Literal["auto", "recorded", "residual"] | ArrayLike | None = "auto",
         w_bounds: _Box | None = None,
+        soft: float | Mapping[Literal["x", "v", "w"], float] | None = None,
     ) -> DdMhe: ...
     @overload
     def step(

@@ -5,6 +5,7 @@ TOML's own. Which keys and values there are, the compiled core knows (`check_set
 horizon = 20
 rho = 0.9
 x_bounds = [-1.0, 1.0]           # or [[-1.0, -2.0], [1.0, 2.0]], one number per state
+soft = 10.0                      # what leaving bounds costs, or { x = 10.0, v = 100.0 }
 equilibrium = [[0.0], [0.0]]     # x_e, y_e, and u_e of a system with inputs
 weights = "recorded"             # without rho and mu; or "scaled", "paper"
 process_noise = "residual"       # or "recorded", "none", or [[1e-4, 0.0], [0.0, 1e-4]]

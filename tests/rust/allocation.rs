@@ -1,7 +1,7 @@
 //! Steps allocate nothing after construction, on every path but the interior-point solver's.
 
 use crate::systems::{modes, noise, unit_certificate};
-use ddmhe_core::{Bounds, Center, Config, DdMhe, Disturbance, History, Space, Step};
+use ddmhe_core::{Bounds, Center, Config, DdMhe, Disturbance, History, Soft, Space, Step};
 
 /// What 340 steps allocate from the first on, and in how many of them bounds were active.
 fn allocations(config: Config, lost: impl Fn(usize) -> bool) -> (u64, usize) {
@@ -49,8 +49,15 @@ fn no_path_of_a_step_allocates() {
     let centred = Config { x_bounds: within(5e-4, 4), x_center: Center::History, ..config() };
     let (count, bound) = allocations(centred, none);
     assert!(count == 0 && bound > 50, "{count} {bound}");
-    let (count, bound) = allocations(tight, |k| k % 17 == 0);
+    let (count, bound) = allocations(tight.clone(), |k| k % 17 == 0);
     assert!(count == 0 && bound > 50, "{count} {bound}");
+    // bounds that are left
+    for price in [1e-3, 1.0, 1e3] {
+        let soft =
+            Config { soft: Some(Soft::all(price)), v_bounds: within(1e-3, 3), ..tight.clone() };
+        let (count, bound) = allocations(soft, |k| k % 17 == 0);
+        assert!(count == 0 && bound > 50, "{count} {bound}");
+    }
     // no window inside of the box
     assert_eq!(allocations(Config { x_bounds: within(1e-3, 4), ..config() }, none).0, 0);
 }

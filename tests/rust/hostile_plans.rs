@@ -6,7 +6,7 @@ use crate::systems::modes;
 use ddmhe_core::{Config, DdMhe, Start};
 use ddmhe_run::memory::memory_len;
 use ddmhe_run::plan::{Common, Depth, Kind, Sizes};
-use ddmhe_run::{PlanError, Stepper};
+use ddmhe_run::{PlanError, Prices, Stepper};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
@@ -116,7 +116,7 @@ fn a_run_that_would_lack_a_block_is_refused() {
     assert_eq!(refused(&sealed(with(&full, 8, 1.0))), PlanError::Sizes);
     // more directions than any block has, and flags that nobody knows
     assert_eq!(refused(&sealed(with(&grown, 7, found(7) + 1.0))), PlanError::Sizes);
-    assert_eq!(refused(&sealed(with(&grown, 11, found(11) + 128.0))), PlanError::Sizes);
+    assert_eq!(refused(&sealed(with(&grown, 11, found(11) + 256.0))), PlanError::Sizes);
 }
 
 /// No length of a plan, nor the room for a step, exceeds 32 bits where the sizes are called
@@ -141,6 +141,7 @@ fn lengths_can_be_counted_in_32_bits() {
             recorded: flag(6) && flag(5),
             w_bounded: flag(4) && flag(5),
             driven: flag(5),
+            prices: Prices { x: f64::from(u8::from(flag(7))), ..Prices::default() },
         }
     };
     assert!(sizes([20, 20, 5, 100, 40], 127).countable(largest));
@@ -153,7 +154,7 @@ fn lengths_can_be_counted_in_32_bits() {
     for _ in 0..40_000 {
         // of every magnitude up to what a header may say
         let five = std::array::from_fn(|_| 2_f64.powf(rng.random_range(0.0..19.9)) as usize);
-        let sizes = sizes(five, rng.random_range(0..128));
+        let sizes = sizes(five, rng.random_range(0..256));
         if !sizes.countable(largest) {
             continue;
         }

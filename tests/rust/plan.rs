@@ -1,7 +1,9 @@
 //! A plan's steps are its estimator's, bit for bit, and bytes that are no plan are told apart.
 
 use crate::systems::{modes, noise, unit_certificate};
-use ddmhe_core::{Bounds, Center, Certificate, Config, DdMhe, Disturbance, History, Start, Status};
+use ddmhe_core::{
+    Bounds, Center, Certificate, Config, DdMhe, Disturbance, History, Soft, Start, Status,
+};
 use ddmhe_run::{Plan, PlanError, Stepper};
 
 /// A plan's bytes where doubles can be, `shift` bytes further on.
@@ -73,6 +75,11 @@ fn plain() -> Config {
     Config { horizon: Some(9), rho: Some(0.9), mu: Some(10.0), ..Config::default() }
 }
 
+fn soft(soft: Soft) -> Config {
+    let (x_bounds, v_bounds) = (within(0.2, 4), within(0.01, 3));
+    Config { x_bounds, v_bounds, soft: Some(soft), ..plain() }
+}
+
 fn certified() -> Config {
     let diagonal = |size: usize, first: f64| {
         let entry =
@@ -99,6 +106,10 @@ pub fn configs() -> Vec<Config> {
         Config { horizon: Some(1), ..plain() },
         // no window inside of the box
         Config { x_bounds: within(0.2, 4), v_bounds: within(0.01, 3), ..plain() },
+        // the same at a price, or at one for the noise alone
+        soft(Soft::all(3.0)),
+        soft(Soft { v: Some(100.0), ..Soft::default() }),
+        Config { x_center: Center::History, ..soft(Soft::all(0.1)) },
     ];
     let starts = [Start::State, Start::Recording, Start::Unknown];
     let all = problems.into_iter().flat_map(|problem| {

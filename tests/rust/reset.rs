@@ -2,7 +2,7 @@
 //! on as the original does.
 
 use crate::systems::{modes, noise, unit_certificate};
-use ddmhe_core::{Bounds, Center, Config, DdMhe, Disturbance, History, Space, Start, Step};
+use ddmhe_core::{Bounds, Center, Config, DdMhe, Disturbance, History, Soft, Space, Start, Step};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
@@ -22,6 +22,7 @@ fn configs() -> Vec<Config> {
         plain.clone(),
         Config { x_bounds: within(2.0, 4), v_bounds: within(0.1, 3), ..plain.clone() },
         Config { x_bounds: within(0.05, 4), x_center: Center::History, ..plain.clone() },
+        Config { soft: Some(Soft::all(1.0)), x_bounds: within(0.3, 4), ..plain.clone() },
         Config { v_bounds: within(0.05, 3), start: Start::Recording, ..plain.clone() },
         Config {
             v_bounds: within(0.05, 3),

@@ -4,6 +4,7 @@ use crate::certificate::{Certificate, Disturbance};
 use crate::check::check_vector;
 use crate::error::Error;
 use crate::history::History;
+use crate::soft::Soft;
 use crate::space::Space;
 use crate::tol;
 use crate::variation::Rest;
@@ -148,6 +149,8 @@ pub struct Config {
     pub process_noise: ProcessNoise,
     /// Box on the fitted disturbance.
     pub w_bounds: Option<Bounds>,
+    /// Prices of leaving the bounds; None: they are hard.
+    pub soft: Option<Soft>,
     /// A known rest, added to the data as constant windows when the recording is noisy.
     pub equilibrium: Option<Equilibrium>,
     /// Where a run starts; `x_prior` needs [`Start::State`].
@@ -169,6 +172,11 @@ impl Config {
     /// [`Error::Shape`], [`Error::NotFinite`] or [`Error::Value`] naming the setting.
     pub fn check(&self, history: &History) -> Result<(), Error> {
         validate(history, self)
+    }
+
+    /// Whether there are bounds on the states, on the fitted noise and on the fitted disturbance.
+    pub(crate) fn bounded(&self) -> [bool; 3] {
+        [&self.x_bounds, &self.v_bounds, &self.w_bounds].map(Option::is_some)
     }
 
     /// The known rest.
@@ -232,6 +240,9 @@ pub(crate) fn validate(history: &History, config: &Config) -> Result<(), Error> 
         check_box("v_bounds", bounds, &[p])?;
     }
     check_process_noise(config, n)?;
+    if let Some(soft) = config.soft {
+        soft.check(config.bounded())?;
+    }
     if let Some(Equilibrium { x, y, u }) = &config.equilibrium {
         check_vector("equilibrium", x, n)?;
         check_vector("equilibrium", y, p)?;

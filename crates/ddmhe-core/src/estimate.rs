@@ -16,14 +16,15 @@ pub struct Estimate {
     pub v: Vec<f64>,
     /// Fitted disturbance ŵ(t-M_t|t) … ŵ(t-1|t), M_t·n; empty where none is fitted.
     pub w: Vec<f64>,
-    /// Cost (17) at the estimate, with that of the disturbance, where one is fitted (a weight on ‖α‖² is not part of it).
+    /// Cost (17) at the estimate, with that of the disturbance, where one is fitted (a weight on
+    /// ‖α‖² is not part of it), and what it pays for leaving soft bounds.
     pub cost: f64,
     /// Bound on ‖x̂(t) - x(t)‖, if a certificate and the disturbance's size were given.
     pub bound: Option<f64>,
     /// What the optimisation found.
     #[serde(with = "status")]
     pub status: Status,
-    /// Number of bounds that the window touches.
+    /// Number of bounds that the window touches, or leaves where they are soft.
     pub active: usize,
     /// Changes of the active set since the last step (or iterations of the interior-point solver,
     /// where that decided).
@@ -35,13 +36,13 @@ pub struct Estimate {
 pub struct Log {
     /// x̂, N·n, time-major.
     pub x: Vec<f64>,
-    /// Cost (17) of each step.
+    /// Cost of each step.
     pub cost: Vec<f64>,
     /// Error bound of each step; empty without a certificate and the disturbance's size.
     pub bound: Vec<f64>,
     /// Status of each step.
     pub status: Vec<Status>,
-    /// Number of touched bounds of each step.
+    /// Number of touched or left bounds of each step.
     pub active: Vec<usize>,
     /// `Estimate::iterations` of each step.
     pub iterations: Vec<u32>,

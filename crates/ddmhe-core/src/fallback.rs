@@ -1,6 +1,7 @@
 //! What a step has on the ground and not in flight: see [`ddmhe_run::fallback`].
 
 use crate::design::Design;
+use crate::extended::way_out_priced;
 use crate::plan_builder::Prepared;
 use crate::way_out::way_out;
 use crate::weights::Weights;
@@ -28,7 +29,10 @@ impl Fallback for Fallbacks<'_> {
         z: &mut [f64],
         w: &mut [f64],
     ) -> (Status, u32) {
-        way_out(problem, z, w)
+        match problem.prices {
+            None => way_out(problem, z, w),
+            Some(_) => way_out_priced(problem, z, w),
+        }
     }
 
     fn two_stages<W: Windows>(

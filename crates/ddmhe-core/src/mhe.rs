@@ -82,7 +82,7 @@ impl DdMhe {
 
     /// Consumes y(t-1) (p numbers, NaN = this entry was not measured) and returns the estimate
     /// x̂(t). Whatever its status, x and the window are finite and, unless the status is optimal,
-    /// exactly inside the box on the states; see [`ddmhe_run::stepper`] for what they then are, and
+    /// exactly inside the box on the states, if that is hard; see [`ddmhe_run::stepper`] for what they then are, and
     /// for what later steps take for x̄.
     ///
     /// # Errors

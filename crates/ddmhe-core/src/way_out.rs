@@ -420,4 +420,4 @@ fn norm(x: &[f64]) -> f64 {
 }
 
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;

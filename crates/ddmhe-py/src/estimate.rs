@@ -76,7 +76,8 @@ impl Estimate {
         Ok(Some(self.w.get_or_try_init(py, made)?.clone_ref(py)))
     }
 
-    /// Cost (17) at the estimate, with that of the disturbance, where one is fitted.
+    /// Cost (17) at the estimate, with that of the disturbance, where one is fitted, and what it pays
+    /// for leaving soft bounds.
     #[getter]
     fn cost(&self) -> f64 {
         self.core.cost
@@ -97,7 +98,7 @@ impl Estimate {
         self.core.status.as_str()
     }
 
-    /// Number of bounds that the window touches.
+    /// Number of bounds that the window touches, or leaves where they are soft.
     #[getter]
     fn active(&self) -> usize {
         self.core.active

@@ -12,7 +12,7 @@ pub struct Log {
     /// Estimated states (N, n).
     #[pyo3(get)]
     x: Py<PyArray2<f64>>,
-    /// Cost (17) of each step (N,).
+    /// Cost of each step (N,), as Estimate.cost.
     #[pyo3(get)]
     cost: Py<PyArray1<f64>>,
     /// Error bound of each step (N,), with a certificate and the disturbance's size where it can be

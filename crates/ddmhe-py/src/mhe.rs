@@ -76,6 +76,12 @@ use std::sync::MutexGuard;
 ///     weights="recorded", else None.
 /// w_bounds : (lo, hi), optional
 ///     Box on the fitted disturbance; each side a scalar or (n,).
+/// soft : float > 0, or a mapping {"x": price, "v": price, "w": price}, optional
+///     Bounds may be left at that price: a row of the window that is e deviations of its recorded
+///     channel outside adds price * (e + e**2) to the cost in scaled units, so that a window always
+///     has an estimate. It is the estimate of hard bounds where these can be met at less than that
+///     price, and the estimate is outside of the box where not. None, and what a mapping does not
+///     name: hard. "x" is the price of bounds that are given to a step, too.
 ///
 /// Raises
 /// ------
@@ -105,7 +111,7 @@ impl DdMhe {
         text_signature = "(history, horizon=None, rho=None, mu=None, x_prior=None, \
             x_bounds=None, x_center=None, v_bounds=None, equilibrium=None, warm_start=None, \
             space='auto', certificate=None, disturbance=None, *, weights='auto', start=None, \
-            process_noise='auto', w_bounds=None)"
+            process_noise='auto', w_bounds=None, soft=None)"
     )]
     fn new(
         history: &Bound<'_, PyAny>,

@@ -11,7 +11,7 @@ use crate::convert::{
 };
 use crate::history::{Channels, History};
 use crate::spaces;
-use ddmhe_core::{Bounds, Center, Config, Equilibrium, ProcessNoise, Start, Weighting};
+use ddmhe_core::{Bounds, Center, Config, Equilibrium, ProcessNoise, Soft, Start, Weighting};
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyDictMethods, PyTuple};
@@ -20,7 +20,7 @@ use pyo3::types::{PyDict, PyDictMethods, PyTuple};
 type Read = fn(&mut Config, &Given<'_, '_>) -> PyResult<()>;
 
 /// Every setting by its name, in the order of `DdMhe`'s arguments, in which they are read.
-const TABLE: [(&str, Read); 16] = [
+const TABLE: [(&str, Read); 17] = [
     ("horizon", |c, v| put(&mut c.horizon, whole(v.name, v.value))),
     ("rho", |c, v| put(&mut c.rho, number(v.name, v.value))),
     ("mu", |c, v| put(&mut c.mu, number(v.name, v.value))),
@@ -37,6 +37,7 @@ const TABLE: [(&str, Read); 16] = [
     ("start", |c, v| set(&mut c.start, v.choice(&STARTS))),
     ("process_noise", |c, v| set(&mut c.process_noise, v.process_noise())),
     ("w_bounds", |c, v| put(&mut c.w_bounds, v.bounds(v.n()))),
+    ("soft", |c, v| put(&mut c.soft, v.soft())),
 ];
 
 /// Settings that may be given by their place; those behind them need their names.
@@ -141,6 +142,30 @@ impl<'py> Given<'_, 'py> {
             )));
         }
         Ok(ProcessNoise::Given(Q))
+    }
+
+    /// A price, or prices {"x": …, "v": …, "w": …}.
+    fn soft(&self) -> PyResult<Soft> {
+        let Ok(prices) = self.value.cast::<PyDict>() else {
+            return number(self.name, self.value).map(Soft::all);
+        };
+        let mut soft = Soft::default();
+        for (key, price) in prices {
+            let name = text(self.name, &key)?;
+            let place = match name.as_str() {
+                "x" => &mut soft.x,
+                "v" => &mut soft.v,
+                "w" => &mut soft.w,
+                _ => {
+                    let argument = self.name;
+                    return Err(DdmheError::new_err(format!(
+                        "{argument}: expected prices by \"x\", \"v\" or \"w\", found {name:?}"
+                    )));
+                }
+            };
+            *place = Some(number(self.name, &price)?);
+        }
+        Ok(soft)
     }
 
     /// What one of the known texts stands for.

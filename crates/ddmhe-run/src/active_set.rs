@@ -22,14 +22,18 @@
 //! Nothing here allocates: the numbers live in the caller's memory, [`work_len`] of them.
 
 pub mod factor;
+pub mod priced;
 pub mod problem;
 pub mod proof;
 pub mod rows;
+pub mod slack;
 mod solve;
 pub mod working_set;
 
 pub use factor::{solve_lower, solve_transposed, work_len};
+pub use priced::priced_len;
 pub use problem::{LeastDistance, Outcome, Trust, Windows};
 pub use proof::Combination;
 pub use rows::{Rows, RowsMut};
+pub use slack::Slack;
 pub use working_set::{ActiveBound, Kept, Sides, WorkingSet};

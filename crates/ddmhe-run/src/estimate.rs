@@ -15,11 +15,12 @@ pub struct Estimate<'a> {
     pub v: &'a [f64],
     /// Fitted disturbance ŵ(t-M_t|t) … ŵ(t-1|t), M_t·n; empty where none is fitted.
     pub w: &'a [f64],
-    /// Cost (17) at the estimate (a weight on ‖α‖² is not part of it).
+    /// Cost (17) at the estimate, with that of the disturbance, where one is fitted (a weight on
+    /// ‖α‖² is not part of it), and what it pays for leaving soft bounds.
     pub cost: f64,
     /// What the optimisation found.
     pub status: Status,
-    /// Number of bounds that the window touches.
+    /// Number of bounds that the window touches, or leaves where they are soft.
     pub active: usize,
     /// Changes of the active set since the last step.
     pub iterations: u32,

@@ -79,7 +79,8 @@ impl Fallback for Alone {
     }
 }
 
-/// The dual active-set method and, where that is not certain, the fallback.
+/// The dual active-set method and, where that is not certain, the fallback. Bounds that may be left
+/// are hard first: the answer is that of both where no multiplier is above its price.
 #[inline(always)]
 pub fn decide<W: Windows>(
     problem: &LeastDistance<'_, W>,
@@ -88,11 +89,41 @@ pub fn decide<W: Windows>(
     z: &mut [f64],
     w: &mut [f64],
 ) -> (Status, u32) {
+    if problem.prices.is_some() {
+        return decide_priced(problem, fallback, (working, work), z, w);
+    }
     match problem.solve(working, work, z, w) {
         Outcome::Optimal(changes) => (Status::Optimal, changes),
         Outcome::Infeasible(changes) => {
             problem.windows.window(&problem.unconstrained[..problem.rows.r], w);
             (Status::Infeasible, changes)
+        }
+        Outcome::Uncertain => fallback.decide(problem, z, w),
+    }
+}
+
+/// The same where bounds may be left.
+#[cold]
+fn decide_priced<W: Windows>(
+    problem: &LeastDistance<'_, W>,
+    fallback: &impl Fallback,
+    (working, work): (&mut WorkingSet<'_>, &mut [f64]),
+    z: &mut [f64],
+    w: &mut [f64],
+) -> (Status, u32) {
+    let mut changes = 0;
+    if let Outcome::Optimal(of_hard) = problem.solve(working, work, z, w) {
+        if problem.below_prices(working, work) {
+            return (Status::Optimal, of_hard);
+        }
+        changes = of_hard;
+    }
+    working.clear(); // which rows are left is found anew at each step
+    match problem.priced(working, work, z, w) {
+        Outcome::Optimal(more) => (Status::Optimal, changes + more),
+        Outcome::Infeasible(more) => {
+            problem.windows.window(&problem.unconstrained[..problem.rows.r], w);
+            (Status::Infeasible, changes + more)
         }
         Outcome::Uncertain => fallback.decide(problem, z, w),
     }

@@ -11,7 +11,7 @@
 //! >
 //! > x̂ ∈ X, v̂ ∈ V    (16c, 16d)
 //!
-//! and return x̂(t). Equation numbers are those of X. Liu et al., "Data-driven Moving Horizon
+//! (bounds may also be left, at a [price](prices)), and return x̂(t). Equation numbers are those of X. Liu et al., "Data-driven Moving Horizon
 //! Estimation for Angular Velocity of Space Noncooperative Target in Electromagnetic De-tumbling
 //! Mission", arXiv 2301.05351v3, cited as Liu 2026. What depends on the recording and the settings
 //! alone is computed on the ground, by `ddmhe-core`, and comes here as a [`Plan`]: plain numbers,
@@ -55,7 +55,7 @@
 //! # A tour
 //! [`layout`] (where a row is) → [`plan`] (the numbers) → [`problem`] (one window's) → `window`
 //! (Eq. (16) for it, with `bounds`, `cost` and [`reweight`]: outputs that are lost) →
-//! [`active_set`] (active bounds) → [`memory`] (the sliding window) → [`stepper`] (Algorithm 1).
+//! [`active_set`] (active bounds, and those that are left) → [`memory`] (the sliding window) → [`stepper`] (Algorithm 1).
 //! [`panels`] are the products, [`tol`] every tolerance. [`fallback`] is where a ground station's
 //! solver comes in.
 
@@ -74,10 +74,12 @@ pub mod layout;
 pub mod memory;
 pub mod panels;
 pub mod plan;
+pub mod prices;
 pub mod problem;
 pub mod response;
 pub mod reweight;
 mod sliding;
+mod soft;
 mod status;
 pub mod stepper;
 pub mod tol;
@@ -88,5 +90,6 @@ pub use fallback::{Alone, Fallback};
 pub use layout::Layout;
 pub use memory::Memory;
 pub use plan::{Aligned, Plan, PlanError};
+pub use prices::Prices;
 pub use status::Status;
 pub use stepper::Stepper;

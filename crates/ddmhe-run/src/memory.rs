@@ -44,11 +44,11 @@ pub struct Memory<B> {
 
 /// Numbers that a memory takes, for windows up to `horizon` and up to `rank` directions.
 pub fn memory_len(sizes: Sizes) -> usize {
-    let Sizes { n, p, horizon, rank, .. } = sizes;
+    let Sizes { n, p, horizon, .. } = sizes;
     let stretch = padded(samples(horizon) * p) + padded(samples(horizon) * n);
     let filtering = Filtering::new(sizes, 0).end();
     let known = padded(horizon * p) + Forced::new(sizes, 0).len() + filtering;
-    stretch + known + Room::new(sizes).len(rank)
+    stretch + known + Room::new(sizes).len(sizes)
 }
 
 impl<B: AsRef<[f64]> + AsMut<[f64]>> Memory<B> {

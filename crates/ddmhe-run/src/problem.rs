@@ -85,9 +85,9 @@ pub struct WindowSolution {
     pub status: Status,
     /// Whether what is in the scratch are numbers within reach, whatever the status.
     pub sound: bool,
-    /// (17).
+    /// (17), and what is paid for leaving bounds.
     pub cost: f64,
-    /// Number of bounds that the window touches.
+    /// Number of bounds that the window touches or leaves.
     pub active: usize,
     /// Changes of the active set.
     pub iterations: u32,

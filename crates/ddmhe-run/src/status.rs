@@ -8,7 +8,7 @@
 pub enum Status {
     /// The minimiser: every bound holds to 1e-9 deviations, and so do the optimality conditions,
     /// relative to the distance from the unconstrained minimiser (or from the recording's mean
-    /// window, if that is larger).
+    /// window, if that is larger). A soft bound holds up to what is paid for.
     Optimal,
     /// Every bound holds to 1e-6 deviations, and the optimality conditions to 1e-4 on the same
     /// scale.

@@ -18,6 +18,9 @@
 //! in the configured box alone: a box of one step is not remembered. An estimate that is itself
 //! beyond 1/ε deviations is none: the window starts again from the recording's mean and from no
 //! output.
+//!
+//! *Soft bounds.* A bound with a [price](crate::prices) is left where that costs less: no output is
+//! left out for the sake of it, and no state is moved into it, whatever the status.
 
 use crate::estimate::Estimate;
 use crate::fallback::{Alone, Fallback};
@@ -190,7 +193,9 @@ impl<B: AsRef<[f64]> + AsMut<[f64]>, F: Fallback> Pass<'_, B, F> {
         if status == Status::AlmostOptimal {
             return;
         }
-        if status == Status::Failed || self.problem.shared.sizes.v_bounded {
+        let sizes = self.problem.shared.sizes;
+        let excluded = sizes.v_bounded && !(sizes.prices.v > 0.0);
+        if status == Status::Failed || excluded {
             (found.solution, found.anew) = self.doubt(status == Status::Failed, out);
         }
         if !found.solution.sound {
@@ -259,8 +264,12 @@ impl<B: AsRef<[f64]> + AsMut<[f64]>, F: Fallback> Pass<'_, B, F> {
         far.root()
     }
 
-    /// The window with its states moved into a box; None: the configured one.
+    /// The window with its states moved into a box, unless they may leave it; None: the configured
+    /// one.
     fn move_into(&mut self, x_bounds: Option<Limits<'_>>, out: &mut Answer<'_>) {
+        if self.problem.shared.sizes.prices.x > 0.0 {
+            return;
+        }
         let Parts { prior, outputs, means, missing, mut scratch, .. } = self.memory.parts();
         let (filtered, lacking, means) = (None, None, self.problem.means(means));
         let data = Data { prior, outputs, missing, filtered, lacking, means, x_bounds };
@@ -355,7 +364,7 @@ impl<'p, 'm> Stepper<'p, 'm> {
 
     /// Consumes y(t-1) (p numbers, NaN = this entry was not measured) and returns the estimate
     /// x̂(t). Whatever its status, x and the window are finite and, unless the status is optimal,
-    /// exactly inside the box on the states; see the head of this module for what they then are.
+    /// exactly inside the box on the states, if that is hard; see the head of this module for what they then are.
     /// None for another number of entries; the estimator is then unchanged.
     pub fn step(&mut self, y: &[f64]) -> Option<Estimate<'_>> {
         self.step_with(y, &[])

@@ -20,6 +20,13 @@ pub const VIOLATED: f64 = 1e-11;
 /// counts as dependent, between the two nothing is certain, and another method decides.
 pub const DEPENDENT: (f64, f64) = (1e-10, 1e-6);
 
+/// The same where bounds may be left, without a range of doubt: a bound that is dear to leave adds
+/// little to its row's normal, and that is known to every digit. The answer is checked.
+pub const ALONG: f64 = 1e-11;
+
+/// A sum of normals times multipliers is known to this share of the multipliers.
+pub const SUMS: f64 = 1e-14;
+
 /// Smallest change of a multiplier that can drive it to 0.
 pub const MULTIPLIER: f64 = 1e-12;
 

@@ -22,6 +22,7 @@ use crate::fallback::{Fallback, decide};
 use crate::kalman::Filtered;
 use crate::panels::{WIDTH, each, margins, padded, scaled_difference, smaller, sum};
 use crate::plan::common::Limits;
+use crate::prices::RowPrices;
 use crate::problem::{Data, Fit, Scratch, WindowProblem, WindowSolution};
 use crate::status::Status;
 use crate::tol;
@@ -43,7 +44,10 @@ impl WindowProblem<'_> {
         let found = self.minimise(fallback, data, (working, scratch), fit.v)?;
         working.adapt(|row| layout.older(row));
         let filtered = data.filtered.filter(|_| found.filtered);
-        let cost = self.hand_over(data, scratch, (fit, filtered));
+        let mut cost = self.hand_over(data, scratch, (fit, filtered));
+        if self.shared.soft {
+            cost += found.cost;
+        }
         let sound = cost.is_finite() && self.within_reach(scratch.window);
         let status = if sound { found.status } else { Status::Failed };
         Some(WindowSolution { status, sound, cost, ..found })
@@ -100,14 +104,34 @@ impl WindowProblem<'_> {
         } else if filtered.is_some() {
             self.minimiser(data.prior, data.outputs, s.unconstrained);
         }
-        self.nearest(fallback, data, changed, (working, s), v)
+        if self.shared.soft {
+            return self.nearest_at_a_price(fallback, data, changed, (working, s), v);
+        }
+        self.nearest((fallback, None), data, changed, (working, s), v)
+    }
+
+    /// The same where bounds may be left, with what that costs.
+    #[cold]
+    #[inline(never)]
+    fn nearest_at_a_price(
+        &self,
+        fallback: &impl Fallback,
+        data: &Data<'_>,
+        changed: bool,
+        (working, s): (&mut WorkingSet<'_>, &mut Scratch<'_>),
+        v: &mut [f64],
+    ) -> Option<WindowSolution> {
+        let prices = self.shared.sizes.prices.of_rows(self.depth.layout);
+        let found = self.nearest((fallback, prices), data, changed, (working, s), v)?;
+        let (cost, active) = self.paid(prices?, s);
+        Some(WindowSolution { cost, active, ..found })
     }
 
     /// The window nearest to z* that satisfies the bounds in the scratch.
     #[inline(always)]
     fn nearest(
         &self,
-        fallback: &impl Fallback,
+        (fallback, prices): (&impl Fallback, Option<RowPrices>),
         data: &Data<'_>,
         changed: bool,
         (working, s): (&mut WorkingSet<'_>, &mut Scratch<'_>),
@@ -122,6 +146,7 @@ impl WindowProblem<'_> {
             hessian_factor: if changed { Some(&*s.hessian_factor) } else { None },
             windows: self,
             trust: Trust::CERTAIN,
+            prices,
         };
         let (status, iterations) = if !self.depth.kind.surplus {
             decide(&problem, fallback, (working, s.work), s.z, s.window)

@@ -1,7 +1,7 @@
 //! Hostile problems: whatever the status says must be true.
 
 mod active_set;
-mod dense;
+pub(crate) mod dense;
 mod lost_outputs;
 
 use super::*;

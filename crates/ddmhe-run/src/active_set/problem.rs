@@ -2,6 +2,7 @@
 
 use crate::active_set::rows::Rows;
 use crate::active_set::working_set::ActiveBound;
+use crate::prices::RowPrices;
 use crate::tol;
 
 /// What the method is certain of, with the number of rows that were taken in or dropped.
@@ -59,6 +60,8 @@ pub struct LeastDistance<'a, W: Windows> {
     pub windows: &'a W,
     /// What the method trusts.
     pub trust: Trust,
+    /// Of leaving bounds; None: they are hard.
+    pub prices: Option<RowPrices>,
 }
 
 impl<W: Windows> LeastDistance<'_, W> {

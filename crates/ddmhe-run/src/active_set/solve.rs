@@ -178,7 +178,7 @@ impl<W: Windows> LeastDistance<'_, W> {
     }
 
     /// Whether a row does not move at all.
-    fn is_zero(&self, row: usize) -> bool {
+    pub(super) fn is_zero(&self, row: usize) -> bool {
         self.rows.normal(row).iter().all(|a| *a == 0.0)
     }
 
@@ -210,7 +210,7 @@ impl<W: Windows> LeastDistance<'_, W> {
 
     /// How far z* is from a side's bound, along its unit normal.
     #[inline(always)]
-    fn gap(&self, ActiveBound { row, sign }: ActiveBound) -> f64 {
+    pub(super) fn gap(&self, ActiveBound { row, sign }: ActiveBound) -> f64 {
         let along = dot(self.rows.normal(row), &self.unconstrained[..self.rows.stride()]);
         sign * ((self.bound(ActiveBound { row, sign }) - self.rows.offset[row])
             * self.rows.inverse[row]

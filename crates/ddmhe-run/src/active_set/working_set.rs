@@ -62,6 +62,12 @@ impl<'a> Sides<'a> {
         self.codes[..*self.len].iter().map(|code| ActiveBound::decode(*code))
     }
 
+    /// Number j.
+    #[inline(always)]
+    pub fn at(&self, j: usize) -> ActiveBound {
+        ActiveBound::decode(self.codes[..*self.len][j])
+    }
+
     /// Whether a bound is one of them.
     #[inline(always)]
     pub fn contains(&self, side: ActiveBound) -> bool {

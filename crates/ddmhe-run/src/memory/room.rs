@@ -1,6 +1,6 @@
 //! The room that a step works in.
 
-use crate::active_set::factor::work_len;
+use crate::active_set::priced::priced_len;
 use crate::kalman;
 use crate::panels::padded;
 use crate::plan::common::Sizes;
@@ -38,7 +38,8 @@ impl Room {
         2 * rank + 3 * window + outputs + hessian_factor + block + moved + smoothing
     }
 
-    pub fn len(&self, r: usize) -> usize {
-        self.len_before_sides() + 2 * self.sides + work_len(r)
+    pub fn len(&self, sizes: Sizes) -> usize {
+        let soft = sizes.prices.soft_rows(sizes.layout(sizes.horizon));
+        self.len_before_sides() + 2 * self.sides + priced_len(sizes.rank, self.window, soft)
     }
 }

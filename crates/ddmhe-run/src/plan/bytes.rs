@@ -3,6 +3,7 @@
 use crate::layout::Layout;
 use crate::plan::common::{Common, HEADER, Margin, Shared, Sizes};
 use crate::plan::depth::{Depth, HEAD, Kind};
+use crate::prices::Prices;
 use core::fmt;
 
 const MAGIC: u64 = u64::from_le_bytes(*b"ddmheplN");
@@ -10,6 +11,8 @@ const MAGIC: u64 = u64::from_le_bytes(*b"ddmheplN");
 const FORMAT: f64 = 3.0;
 /// Where the checksum is, which is of everything else.
 const SUM: usize = 3;
+/// Where the prices of leaving bounds are.
+const PRICES: usize = HEADER - 3;
 
 /// Bytes where doubles can be read: `static PLAN: Aligned<[u8; LEN]> =
 /// Aligned(*include_bytes!(…))`.
@@ -76,21 +79,31 @@ impl Common {
     pub fn write_header(&self, numbers: &mut [f64], total: usize, blocks: [usize; 2]) {
         let Sizes { n, p, m, lag, horizon, rank, filled, .. } = self.sizes;
         let Sizes { x_bounded, v_bounded, w_bounded, driven, .. } = self.sizes;
-        let Sizes { centered, plain_noise, recorded, .. } = self.sizes;
+        let Sizes { centered, plain_noise, recorded, prices, .. } = self.sizes;
         numbers[0] = f64::from_bits(MAGIC);
         numbers[1] = FORMAT;
         let sizes = [n, p, horizon, rank, filled, blocks[0], blocks[1]];
         numbers[2] = total as f64;
         numbers[SUM] = 0.0;
         numbers[4..11].iter_mut().zip(sizes).for_each(|(number, size)| *number = size as f64);
-        numbers[11] =
-            flags(&[x_bounded, v_bounded, centered, plain_noise, w_bounded, driven, recorded]);
+        let soft = prices.any();
+        numbers[11] = flags(&[
+            x_bounded,
+            v_bounded,
+            centered,
+            plain_noise,
+            w_bounded,
+            driven,
+            recorded,
+            soft,
+        ]);
         numbers[12] = self.rho;
         numbers[13] = self.unit;
         for (margin, at) in self.margins.iter().zip(numbers[14..20].chunks_exact_mut(2)) {
             at.copy_from_slice(&[margin.per_largest, margin.per_smallest]);
         }
         (numbers[20], numbers[21], numbers[22]) = (m as f64, lag as f64, self.price);
+        numbers[PRICES..PRICES + 3].copy_from_slice(&[prices.x, prices.v, prices.w]);
     }
 
     /// From its numbers, with the blocks. `largest` is the largest number of this machine's width:
@@ -101,7 +114,12 @@ impl Common {
             *size = whole(*number)?;
         }
         let [n, p, horizon, rank, filled, depths, opening] = sizes;
-        let bits = known_flags(numbers[11], 7)?;
+        let bits = known_flags(numbers[11], 8)?;
+        let [x, v, w] = [0, 1, 2].map(|i| numbers[PRICES + i]);
+        let prices = Prices { x, v, w };
+        if !prices.valid() || prices.any() != bit(bits, 7) {
+            return None;
+        }
         let (m, lag) = (whole(numbers[20])?, whole(numbers[21])?);
         let sizes = Sizes {
             n,
@@ -118,6 +136,7 @@ impl Common {
             w_bounded: bit(bits, 4),
             driven: bit(bits, 5),
             recorded: bit(bits, 6),
+            prices,
         };
         let some = n > 0 && p > 0 && horizon > 0 && rank > 0 && depths > 0 && lag > 0;
         if !some || filled > horizon || !sizes.countable(largest) {
@@ -152,7 +171,7 @@ fn whole(number: f64) -> Option<usize> {
     ((0.0..=1e6).contains(&number) && size as f64 == number).then_some(size)
 }
 
-/// Flags, if there is none that this version does not know.
+/// So many flags, if there is none that this version does not know.
 fn known_flags(number: f64, known: u32) -> Option<f64> {
     whole(number).filter(|flags| *flags < 1 << known).map(|_| number)
 }

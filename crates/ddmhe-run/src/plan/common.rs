@@ -3,6 +3,7 @@
 use crate::kalman::{Kalman, KalmanSpans};
 use crate::layout::Layout;
 use crate::plan::span::{Cursor, Span};
+use crate::prices::Prices;
 use crate::response::{Response, ResponseSizes};
 use crate::tol;
 
@@ -64,6 +65,8 @@ pub struct Sizes {
     pub plain_noise: bool,
     /// Whether the weights are those of the recording.
     pub recorded: bool,
+    /// Of leaving the bounds.
+    pub prices: Prices,
 }
 
 impl Sizes {
@@ -74,7 +77,8 @@ impl Sizes {
     }
 
     /// An upper bound on these, None beyond 64 bits. With S rows that a window slides through and r
-    /// directions, each array has at most (S + r)(r + 2n + p + m) numbers, or L (n + p + m)² in Θ.
+    /// directions, each array has at most (S + r)(r + 2n + p + m) numbers, or L (n + p + m)² in Θ, or
+    /// (S (2n + p) + r)² where bounds may be left.
     fn at_most(&self) -> Option<u64> {
         let [n, p, m, lag] = [self.n, self.p, self.m, self.lag].map(|size| size as u64);
         let [M, r] = [self.horizon, self.rank].map(|size| size as u64);
@@ -82,8 +86,10 @@ impl Sizes {
         let theta = lag.checked_mul(channels)?.checked_mul(channels.checked_add(16)?)?;
         let samples = M.max(32).checked_mul(2)?.checked_add(2)?;
         let rows = samples.checked_mul(channels)?.checked_add(r)?.checked_add(16)?;
+        let left = if self.prices.any() { rows.checked_mul(rows)? } else { 0 };
         rows.checked_mul(r.checked_add(channels)?.checked_add(16)?)?
             .checked_add(theta)?
+            .checked_add(left)?
             .checked_mul(16)
     }
 
@@ -217,6 +223,8 @@ pub struct Shared<'a> {
     /// See [`Common::unit`].
     pub unit: f64,
     pub(crate) price: f64,
+    /// Whether bounds may be left.
+    pub soft: bool,
     pub(crate) mean_x: &'a [f64],
     pub(crate) s_x: &'a [f64],
     pub(crate) per_s_x: &'a [f64],
@@ -253,6 +261,7 @@ impl<'a> Shared<'a> {
             rho: common.rho,
             unit: common.unit,
             price: common.price,
+            soft: common.sizes.prices.any(),
             mean_x: of(common.mean_x),
             s_x: of(common.s_x),
             per_s_x: of(common.per_s_x),

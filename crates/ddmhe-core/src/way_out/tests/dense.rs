@@ -24,7 +24,8 @@ impl Dense {
         hi: &'a [f64],
         unconstrained: &'a [f64],
     ) -> LeastDistance<'a, Dense> {
-        let (rows, hessian_factor, trust) = (rows.rows(), None, Trust::CERTAIN);
-        LeastDistance { rows, lo, hi, unconstrained, hessian_factor, windows: self, trust }
+        let (rows, trust) = (rows.rows(), Trust::CERTAIN);
+        let (windows, hessian_factor, prices) = (self, None, None);
+        LeastDistance { rows, lo, hi, unconstrained, hessian_factor, windows, trust, prices }
     }
 }
