@@ -119,7 +119,10 @@ def demands(found):
         cells = [f"≤ {limit:g}", f"{medians:.3f}", f"{middle:.3f}", f"{worst:.3f}", verdict]
         rows.append([case, f"{over} / {under}", *cells])
     header = ["case", "quotient", "asked", "of medians", "median of quotients", "worst", ""]
-    return markdown_table(header, rows)
+    said = (
+        "A tumbling body is curved: stated by hand, the weights of the recording lose there, and "
+    )
+    return [*markdown_table(header, rows), "", said + "the default does not take them."]
 
 
 def deviation(S):
