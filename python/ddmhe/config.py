@@ -6,6 +6,9 @@ horizon = 20
 rho = 0.9
 x_bounds = [-1.0, 1.0]           # or [[-1.0, -2.0], [1.0, 2.0]], one number per state
 equilibrium = [[0.0], [0.0]]     # x_e, y_e, and u_e of a system with inputs
+weights = "recorded"             # without rho and mu; or "scaled", "paper"
+process_noise = "residual"       # or "recorded", "none", or [[1e-4, 0.0], [0.0, 1e-4]]
+w_bounds = [-0.1, 0.1]
 missing = [-9999, 999]           # for the command line: numbers of a log that say "not measured"
 space = { kind = "truncated", rank = 5 }   # or "auto", "exact", or a ridge:
 # space = { kind = "ridge", weight = 1e-2, normalised = true }
@@ -62,6 +65,8 @@ CERTIFICATE = (
 )
 """Attributes of a certificate that a file holds, in its order."""
 UNCERTAINTY = ("metric", "w", "v")
+NOTHING = "none"
+"""A process_noise of None, which TOML does not have."""
 
 
 class ConfigError(DdmheError):
@@ -119,6 +124,8 @@ def _setting(key: str, value: Any) -> Any:
         value = _space(value)
     elif key == "certificate":
         value = _certificate(value)
+    elif key == "process_noise" and value == NOTHING:
+        return None
     check_settings({key: value})
     return value
 
@@ -188,7 +195,10 @@ def write_config(path: str | Path, settings: Mapping[str, Any]) -> None:
     if not isinstance(settings, Mapping):
         raise ConfigError(f"settings: expected keywords of DdMhe, found {shown(settings)}")
     try:
-        text = tomli_w.dumps({key: _plain(value) for key, value in settings.items()})
+        plain = {key: _plain(value) for key, value in settings.items()}
+        if "process_noise" in plain and plain["process_noise"] is None:
+            plain["process_noise"] = NOTHING
+        text = tomli_w.dumps(plain)
     except (TypeError, ValueError, AttributeError) as e:
         raise ConfigError(
             f"settings: expected keywords of DdMhe that a file can hold, found others ({e})"

@@ -48,7 +48,7 @@ def test_a_complete_state_keeps_the_rule():
     for _ in range(200):
         x.append(A @ x[-1] + 0.01 * rng.standard_normal(3))
     x = np.array(x)
-    estimator = ddmhe.DdMhe(ddmhe.History(x, x[:-1, :2]))
+    estimator = ddmhe.DdMhe(ddmhe.History(x, x[:-1, :2]), weights="scaled")
     assert (estimator.mu, estimator.rho, estimator.horizon) == (pytest.approx(0.1), 0.95, 20)
 
 

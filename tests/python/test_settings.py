@@ -80,8 +80,11 @@ def test_a_place_is_a_name():
     np.testing.assert_array_equal(by_name.run(Y).x, by_place.run(Y).x)
     assert (by_place.horizon, by_place.rho) == (4, 0.7)
     assert by_place.mu == pytest.approx(2.0, rel=1e-12)
+    # None is "not given", but of process_noise, where it is a value
     nothing = ddmhe.DdMhe(H, **dict.fromkeys(setting_names()))
-    np.testing.assert_array_equal(nothing.run(Y).x, ddmhe.DdMhe(H).run(Y).x)
+    np.testing.assert_array_equal(nothing.run(Y).x, ddmhe.DdMhe(H, process_noise=None).run(Y).x)
+    unsaid = dict.fromkeys(set(setting_names()) - {"process_noise"})
+    np.testing.assert_array_equal(ddmhe.DdMhe(H, **unsaid).run(Y).x, ddmhe.DdMhe(H).run(Y).x)
 
 
 def test_a_call_that_python_would_refuse_is_refused():
@@ -135,7 +138,10 @@ def test_a_misspelt_attribute_of_a_certificate_is_refused():
         ({"space": "best"}, 'space: expected "auto"'),
         ({"certificate": 1.0}, "certificate: expected a ddmhe.design.Certificate"),
         ({"disturbance": [1.0, 2.0]}, "disturbance: expected three numbers"),
-        ({"weights": "own"}, 'weights: expected "auto", "paper" or "scaled", found "own"'),
+        (
+            {"weights": "own"},
+            'weights: expected "auto", "paper", "scaled" or "recorded", found "own"',
+        ),
         ({"start": "end"}, 'start: expected "recording", "state" or "unknown", found "end"'),
     ],
 )

@@ -171,7 +171,7 @@ def test_joined_recordings_keep_their_inputs():
             ddmhe.History(x[:23], y[:22], u=u[:22]),
         ]
     )
-    default = next(k for k, c in enumerate(tuned.candidates) if not c)
+    default = int(np.flatnonzero(tuned.table["default"])[0])
     error = ddmhe.DdMhe(rest, start="recording").run(y[22:45], u[22:45]).x - x[23:46]
     relative = np.sqrt(np.mean(np.mean(error**2, axis=0) / x.var(axis=0)))
     assert tuned.table["quarter 2"].iloc[default] == pytest.approx(relative, rel=1e-6)

@@ -96,15 +96,16 @@ def test_channels_of_one_unit_share_a_scale():
     nothing."""
     x, y, outputs = recording(0.05)
     y, outputs = y * [1.0, 40.0], outputs * [1.0, 40.0]
-    together = run(x, y, outputs, x_units="rad/s", y_units="V")
+    rule = {"process_noise": None}  # weights by scales, not by the noise of the recording
+    together = run(x, y, outputs, x_units="rad/s", y_units="V", **rule)
     assert np.allclose(
-        run(1e3 * x, 1e-2 * y, 1e-2 * outputs, "rad/s", "V") / 1e3, together, atol=1e-9
+        run(1e3 * x, 1e-2 * y, 1e-2 * outputs, "rad/s", "V", **rule) / 1e3, together, atol=1e-9
     )
-    assert np.allclose(run(x, y, outputs, ["rad/s"] * 3, ["V", "V"]), together, atol=0)
-    assert np.abs(run(x, y, outputs, "rad/s", ["V", "mV"]) - together).max() > 1e-4
+    assert np.allclose(run(x, y, outputs, ["rad/s"] * 3, ["V", "V"], **rule), together, atol=0)
+    assert np.abs(run(x, y, outputs, "rad/s", ["V", "mV"], **rule) - together).max() > 1e-4
     # (17) in the units of pooled scales is what one unit means
     mu = 0.1 * np.mean(x.var(axis=0)) / np.mean(y.var(axis=0))
-    default = ddmhe.DdMhe(ddmhe.History(x, y, x_units="rad/s", y_units="V"))
+    default = ddmhe.DdMhe(ddmhe.History(x, y, x_units="rad/s", y_units="V"), **rule)
     assert (default.weights, default.mu) == ("scaled", pytest.approx(0.1))
     stated = {"horizon": default.horizon, "rho": default.rho, "mu": mu, "space": "auto"}
     printed = ddmhe.DdMhe(ddmhe.History(x, y, x_units="rad/s", y_units="V"), **stated)
@@ -209,7 +210,7 @@ def test_units_of_a_history():
 
 def test_weights_are_checked():
     x, y, _ = recording(0.1)
-    with pytest.raises(ddmhe.DdmheError, match='weights: expected "auto", "paper" or "scaled"'):
+    with pytest.raises(ddmhe.DdmheError, match='weights: expected "auto", "paper", "scaled" or'):
         ddmhe.DdMhe(ddmhe.History(x, y), weights="other")
     blob = ddmhe.DdMhe(ddmhe.History(x, y, x_units="m"), weights="scaled", mu=0.3).snapshot()
     again = ddmhe.DdMhe.restore(blob)

@@ -199,8 +199,8 @@ pub struct Settings {
     pub mu: f64,
     /// What the cost is measured in; never `Auto`.
     pub weights: Weighting,
-    /// Whether a disturbance is fitted.
-    pub driven: bool,
+    /// The disturbance that is fitted; never `Auto`.
+    pub process_noise: ProcessNoise,
     /// Directions kept at full depth.
     pub rank: usize,
     /// Weight λ on ‖a‖² (see [`space`](crate::space)), 0 for none.

@@ -5,6 +5,7 @@ use crate::config::{
     Bounds, Center, Config, Equilibrium, ProcessNoise, Settings, Start, Weighting, validate,
 };
 use crate::defaults::{Defaults, stable};
+use crate::driving::Driving;
 use crate::error::Error;
 use crate::error_bound::ErrorBound;
 use crate::excitation::check_excitation;
@@ -13,7 +14,7 @@ use crate::history::History;
 use crate::inputs::InputWatch;
 use crate::magnitude::{check_reach, check_ridge, check_scales, check_sizes, check_weights};
 use crate::plan_builder::{Draft, Ground, Prepared, factorisation};
-use crate::process_noise::Driving;
+use crate::process_noise::{driving, wanted};
 use crate::recorded_default;
 use crate::remarks::Remarks;
 use crate::response::OwnResponse;
@@ -82,7 +83,7 @@ impl Design {
             };
         }
         let horizon = rule.horizon_for(config)?;
-        let driving = Driving::new(history, &scaling, config, horizon)?;
+        let driving = driving(history, &scaling, config, horizon)?;
         Design::with(history, config, start, (scaling, rule), (driving, "as stated".into()))
     }
 
@@ -262,7 +263,7 @@ impl Source<'_> {
                 _ => weights.mu_as_printed(scaling),
             },
             weights: config.weighting(),
-            driven: space.driven.is_some(),
+            process_noise: wanted(config).clone(),
             rank: space.undisturbed(),
             lambda: space.lambda,
             equilibrium_used: self.rest.is_some(),

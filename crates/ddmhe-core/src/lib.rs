@@ -90,6 +90,7 @@ mod config;
 mod covariance;
 pub mod defaults;
 mod design;
+mod driving;
 mod error_bound;
 mod estimate;
 mod excitation;

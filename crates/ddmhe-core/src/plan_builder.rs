@@ -2,9 +2,9 @@
 //! step reads, and to the block that all depths share: see [`ddmhe_run::plan`].
 
 use crate::config::Bounds;
+use crate::driving::Driving;
 use crate::error::Error;
 use crate::first_window::Samples;
-use crate::process_noise::Driving;
 use crate::reduction::{Reduced, reduce};
 use crate::response::OwnResponse;
 use crate::riccati::Filter;

@@ -7,12 +7,14 @@
 //! - the recording is noisy, and long enough to tell noise from motion;
 //! - ε and s are white: lag-1 autocorrelation of each column at most [`LAG`] (about -½ from reading
 //!   noise, .7 and more where x is part of a state);
+//! - no output that moves is an exact function of the recorded states: its noise would be theirs,
+//!   or not in the recording;
 //! - the states' own noise is a small share of what they do, [`SHARE`] in every direction: least
 //!   squares on noisy states shrink a mode by that share at every sample;
 //! - no product of two states explains a residual: an F test, [`CURVED`];
 //! - the filter's innovations in the recording are as large as it says, within [`NIS`].
 //!
-//! The third and the fourth are what keeps tumbling bodies out: within their own recording the
+//! The fourth and the fifth are what keeps tumbling bodies out: within their own recording the
 //! affine fit absorbs the curvature, and the innovations do not show it. Chosen on masses,
 //! oscillators, pendulums, noise-driven systems and tumbling bodies; judged on other seeds and
 //! bodies: docs/disturbance-study.md.
@@ -21,19 +23,17 @@
 
 use crate::config::{Center, Config, ProcessNoise, Weighting};
 use crate::defaults::Defaults;
+use crate::driving::Driving;
 use crate::history::History;
 use crate::linear_model::LinearModel;
-use crate::process_noise::Driving;
-use crate::recorded_noise::RecordedNoise;
+use crate::recorded_noise::{RecordedNoise, SHARE};
 use crate::riccati::Filter;
 use crate::scaling::{EXACT, Scaling};
 use crate::variation::{Steps, centred, least_squares};
-use faer::{Mat, Side};
+use faer::Mat;
 
 /// Largest lag-1 autocorrelation of a residual that counts as white.
 const LAG: f64 = 0.3;
-/// Largest share of reading noise in the recorded states, in any direction.
-const SHARE: f64 = 0.03;
 /// Largest score of the F test, in deviations of a normal variable (Wilson and Hilferty 1931).
 const CURVED: f64 = 5.0;
 /// Smallest and largest mean square of the whitened innovations in the recording.
@@ -63,6 +63,13 @@ pub(crate) fn recorded(
     }
     let model = LinearModel::new(history, scaling);
     let told = telling(scaling, &model.residuals);
+    let exact = |i: &usize| scaling.moved[1][*i] && !told.contains(&(history.n() + i));
+    if let Some(i) = (0..history.p()).find(exact) {
+        return Err(format!(
+            "y{} is an exact function of the recorded states: its noise is theirs, or is unknown",
+            i + 1
+        ));
+    }
     let lag = lag_one(history, &model.residuals, &told);
     if lag > LAG {
         return Err(format!(
@@ -78,7 +85,7 @@ pub(crate) fn recorded(
         ));
     }
     let noise = RecordedNoise::new(history, scaling, &model);
-    let share = reading_share(history, scaling, &noise.N);
+    let share = noise.share_of_states(history, scaling);
     if share > SHARE {
         return Err(format!(
             "reading noise is {share:.2} of what the recorded states do in some direction (limit \
@@ -168,18 +175,6 @@ fn curvature(
         ((1.0 - b) * root - (1.0 - a)) / (b * root * root + a).sqrt()
     };
     told.iter().map(|j| score(*j)).fold(f64::NEG_INFINITY, f64::max)
-}
-
-/// The largest eigenvalue of N Σ_x⁻¹, Σ_x the covariance of the recorded states.
-fn reading_share(history: &History, scaling: &Scaling, N: &Mat<f64>) -> f64 {
-    let spread = crate::covariance::spread(history, scaling);
-    let Ok(L) = spread.llt(Side::Lower) else { return f64::INFINITY };
-    let mut half = N.clone();
-    L.L().solve_lower_triangular_in_place(half.as_mut());
-    let mut share = half.transpose().to_owned();
-    L.L().solve_lower_triangular_in_place(share.as_mut());
-    let values = share.self_adjoint_eigenvalues(Side::Lower);
-    values.ok().and_then(|values| values.last().copied()).unwrap_or(f64::INFINITY)
 }
 
 /// Mean square of the innovations that the filter has in its own recording, from each first

@@ -6,12 +6,16 @@
 //! [`LEAST_SHARE`] of Γ_s. θ is the one of [`SHARES`] under which the recording itself is most
 //! likely, by a Kalman filter on [x recorded; y].
 
+use crate::covariance::spread;
 use crate::history::History;
 use crate::linear_model::LinearModel;
 use crate::scaling::Scaling;
 use faer::linalg::solvers::Solve;
 use faer::{Mat, MatRef, Side};
 
+/// Largest share of reading noise in the recorded states, in any direction, beside which least
+/// squares find the model: they shrink a mode by that share at every sample.
+pub(crate) const SHARE: f64 = 0.03;
 /// θ in decades: from all of Γ to a millionth, two a decade.
 const SHARES: (usize, f64) = (13, 0.5);
 /// Outputs keep at least this share of their residual as noise, whatever the noise of the states
@@ -45,6 +49,19 @@ impl RecordedNoise {
             }
         }
         best.map_or_else(|| split(model, &readings, 1.0), |(_, found)| found)
+    }
+
+    /// The largest share of reading noise in what the recorded states do, in any direction: the
+    /// largest eigenvalue of N Σ_x⁻¹, Σ_x their covariance.
+    pub fn share_of_states(&self, history: &History, scaling: &Scaling) -> f64 {
+        let spread = spread(history, scaling);
+        let Ok(L) = spread.llt(Side::Lower) else { return f64::INFINITY };
+        let mut half = self.N.clone();
+        L.L().solve_lower_triangular_in_place(half.as_mut());
+        let mut share = half.transpose().to_owned();
+        L.L().solve_lower_triangular_in_place(share.as_mut());
+        let values = share.self_adjoint_eigenvalues(Side::Lower);
+        values.ok().and_then(|values| values.last().copied()).unwrap_or(f64::INFINITY)
     }
 }
 

@@ -2,7 +2,7 @@
 //! with.
 
 use crate::certificate::smallest_contracting;
-use crate::config::{Config, Settings};
+use crate::config::{Config, Settings, Weighting};
 use crate::defaults::{Defaults, stable};
 
 use crate::error_bound::ErrorBound;
@@ -75,8 +75,9 @@ fn warnings(config: &Config, settings: &Settings, spectral_radius: f64) -> Vec<S
         ));
     }
     let contraction = 4.0 * settings.rho.powf(settings.horizon as f64);
-    let asked_for =
-        config.certificate.is_none() && (config.horizon.is_some() || config.rho.is_some());
+    let asked_for = config.certificate.is_none()
+        && settings.weights != Weighting::Recorded
+        && (config.horizon.is_some() || config.rho.is_some());
     if asked_for && contraction >= 1.0 {
         warnings.push(format!(
             "4 rho^M = {contraction:.4} with rho = {:.6}, M = {}, not below 1 as (33) asks for \

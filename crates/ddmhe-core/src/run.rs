@@ -158,12 +158,7 @@ impl Run {
         design.watch.check(&seen)?;
         self.refill(design, &window);
         self.memory.resume(design.problem(samples).layout().depth, &active, moves);
-        if !tail.is_empty() {
-            self.memory.set_tail(&tail);
-        }
-        if chain {
-            self.memory.chain(&design.ground.shared());
-        }
+        self.memory.resume_filter(&design.ground.shared(), (chain, &tail));
         (self.seen, self.t, self.estimate) = (seen, t, estimate);
         self.seen_inputs = seen_inputs;
         self.reserve(design);

@@ -34,12 +34,12 @@
 //! √N z, of unit variance over the recording, the basis is U S/√N and ‖α‖² = (1 + ‖a‖²)/N.
 //!
 //! *Disturbance.* Where one is fitted, its columns G follow those of the recording:
-//! [`process_noise`](crate::process_noise). With the weights of the recording the windows are those
+//! [`driving`](crate::driving). With the weights of the recording the windows are those
 //! of its linear model, x(0) the coordinates, in the place of the recorded ones.
 
+use crate::driving::{Driven, Driving};
 use crate::history::History;
 use crate::linear_model::LinearModel;
-use crate::process_noise::{Driven, Driving};
 use crate::response::OwnResponse;
 use crate::scaling::Scaling;
 use crate::tol;

@@ -5,6 +5,7 @@ mod convert;
 mod estimate;
 mod exclusive;
 mod history;
+mod in_force;
 mod interval;
 mod log;
 mod many;
@@ -31,6 +32,8 @@ mod _core {
     use crate::estimate::Estimate;
     #[pymodule_export]
     use crate::history::{History, RankReport, noise_levels, wrapped_angle};
+    #[pymodule_export]
+    use crate::in_force::InForce;
     #[pymodule_export]
     use crate::interval::{
         Dynamics, IntervalEstimate, IntervalLog, ObserverCore, Zonotope, interval_operation,

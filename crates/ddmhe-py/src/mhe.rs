@@ -4,12 +4,13 @@ use crate::convert::{Numbers, ShapeError, bounds, raise, writable};
 use crate::estimate::Estimate;
 use crate::exclusive::Exclusive;
 use crate::history::History;
+use crate::in_force::{self, InForce};
 use crate::log::Log;
 use crate::pickle::{Made, bytes, made};
 use crate::settings;
 use crate::signals::Signals;
 use crate::spaces;
-use ddmhe_core::{Bounds, Step, Weighting};
+use ddmhe_core::{Bounds, Step};
 use numpy::{Ix1, Ix2, PyArray1, PyArray2, PyArrayMethods, PyUntypedArrayMethods};
 use pyo3::PyTypeInfo;
 use pyo3::prelude::*;
@@ -322,11 +323,13 @@ impl DdMhe {
     /// What rho and mu are meant in, "paper" or "scaled"; or "recorded".
     #[getter]
     fn weights(&self) -> PyResult<&'static str> {
-        Ok(match self.core()?.settings().weights {
-            Weighting::Scaled => "scaled",
-            Weighting::Recorded => "recorded",
-            Weighting::Auto | Weighting::Paper => "paper",
-        })
+        Ok(in_force::weights(self.core()?.settings().weights))
+    }
+
+    /// The settings in force, and for what was left open why.
+    #[getter]
+    fn settings(&self) -> PyResult<InForce> {
+        Ok(InForce::new(&*self.core()?))
     }
 
     /// The trajectory space that was asked for.

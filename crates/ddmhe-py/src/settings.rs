@@ -164,6 +164,11 @@ fn either(names: &[String]) -> String {
     }
 }
 
+/// The name of a start.
+pub fn start_name(start: Start) -> &'static str {
+    STARTS.iter().find(|(_, known)| *known == start).map_or("state", |(name, _)| name)
+}
+
 /// A start by its name.
 pub fn start(value: &Bound<'_, PyAny>) -> PyResult<Start> {
     Given { name: "start", value, sizes: None }.choice(&STARTS)

@@ -16,10 +16,9 @@
 //! As long as no estimate of the window was made otherwise x̂(t-m) … x̂(t-1) *are* that filter, and
 //! a step is one product with n + p rows. All in scaled deviations.
 
-use crate::active_set::factor::{solve_lower, solve_transposed};
+use crate::active_set::factor::{cholesky, solve_lower, solve_transposed};
 use crate::panels::{Panels, axpy, dot, padded, panels_len};
 use crate::plan::span::{Cursor, Span};
-use crate::reweight::cholesky;
 
 /// Where the matrices are.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

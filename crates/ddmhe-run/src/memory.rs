@@ -1,9 +1,8 @@
 //! The numbers of a running estimator, in one block: the moving window and the room that a step
 //! works in.
 
-use crate::active_set::factor::work_len;
 use crate::active_set::working_set::{ActiveBound, Kept, Sides, WorkingSet};
-use crate::kalman::{self, Filtered};
+use crate::kalman::{Filtered, Kalman};
 use crate::panels::padded;
 use crate::plan::common::{Shared, Sizes};
 use crate::problem::Scratch;
@@ -11,48 +10,15 @@ use crate::sliding::SlidingBuffer;
 use crate::tol;
 use core::ops::Range;
 use filtering::Filtering;
-use losses::Losses;
+use forced::Forced;
+use room::Room;
+use stretches::{Stretches, samples};
 
 mod filtering;
+mod forced;
 mod losses;
-
-/// Sizes of the room that a step works in, in the order in which it lies in the block.
-#[derive(Debug, Clone, Copy)]
-struct Room {
-    rank: usize,   // of z* and z, padded
-    window: usize, // of the window and its bounds, padded
-    outputs: usize,
-    hessian_factor: usize,
-    block: usize,
-    moved: usize,
-    smoothing: usize,
-    sides: usize,
-}
-
-impl Room {
-    fn new(sizes: Sizes) -> Self {
-        let Sizes { n, p, horizon, rank: r, .. } = sizes;
-        Room {
-            rank: padded(r),
-            window: sizes.layout(horizon).apart(),
-            outputs: padded(horizon * p),
-            hessian_factor: r * r.next_multiple_of(4),
-            block: padded(p * p),
-            moved: padded(n),
-            smoothing: if sizes.recorded { kalman::room(n, p) } else { 0 },
-            sides: padded(r),
-        }
-    }
-
-    fn len_before_sides(&self) -> usize {
-        let Room { rank, window, outputs, hessian_factor, block, moved, smoothing, .. } = *self;
-        2 * rank + 3 * window + outputs + hessian_factor + block + moved + smoothing
-    }
-
-    fn len(&self, r: usize) -> usize {
-        self.len_before_sides() + 2 * self.sides + work_len(r)
-    }
-}
+mod room;
+mod stretches;
 
 /// The moving window, as scaled deviations, and room for a step, in numbers that are owned or lent.
 ///
@@ -69,7 +35,6 @@ pub struct Memory<B> {
     aside: usize,   // where the outputs are kept that were set aside
     forced: Forced, // where the forced motion is
     filtering: Filtering,
-    losses: Losses,
     room: Room,
     scratch: usize, // where the room begins
     sides: usize,   // active bounds of the last step
@@ -77,46 +42,13 @@ pub struct Memory<B> {
     kept: Kept,
 }
 
-/// Samples in the stretch that a window slides through.
-fn samples(depth: usize) -> usize {
-    2 * depth.max(32) + 1
-}
-
 /// Numbers that a memory takes, for windows up to `horizon` and up to `rank` directions.
 pub fn memory_len(sizes: Sizes) -> usize {
     let Sizes { n, p, horizon, rank, .. } = sizes;
     let stretch = padded(samples(horizon) * p) + padded(samples(horizon) * n);
-    let filtering = Losses::new(sizes, Filtering::new(sizes, 0).end).end;
+    let filtering = Filtering::new(sizes, 0).end();
     let known = padded(horizon * p) + Forced::new(sizes, 0).len() + filtering;
     stretch + known + Room::new(sizes).len(rank)
-}
-
-/// The forced motion of the window, and what is left of its outputs: nothing without inputs.
-#[derive(Debug, Clone, Copy)]
-struct Forced {
-    inputs: usize, // where the stretch of the inputs begins
-    x: usize,      // means + x_f, in the user's units
-    free: usize,   // y - y_f
-    motion: usize, // [x_f(k+1); y_f(k)] of each instant
-    stride: usize, // from one to the next
-    end: usize,
-    at: usize,
-}
-
-impl Forced {
-    fn new(sizes: Sizes, at: usize) -> Self {
-        let Sizes { n, p, m, horizon, .. } = sizes;
-        let known = |len: usize| if m > 0 { padded(len) } else { 0 };
-        let x = at + known(samples(horizon) * m);
-        let free = x + known((horizon + 1) * n);
-        let motion = free + known(horizon * p);
-        let stride = sizes.response().stride();
-        Forced { inputs: at, x, free, motion, stride, end: motion + known(horizon * stride), at }
-    }
-
-    fn len(&self) -> usize {
-        self.end - self.at
-    }
 }
 
 impl<B: AsRef<[f64]> + AsMut<[f64]>> Memory<B> {
@@ -127,7 +59,6 @@ impl<B: AsRef<[f64]> + AsMut<[f64]>> Memory<B> {
         let aside = padded(samples * p) + padded(samples * n);
         let forced = Forced::new(sizes, aside + padded(horizon * p));
         let filtering = Filtering::new(sizes, forced.end);
-        let losses = Losses::new(sizes, filtering.end);
         let slide = |at, width| SlidingBuffer::new(at, width, samples);
         Memory {
             block,
@@ -138,10 +69,9 @@ impl<B: AsRef<[f64]> + AsMut<[f64]>> Memory<B> {
             missing: 0,
             aside,
             room: Room::new(sizes),
-            scratch: losses.end,
+            scratch: filtering.end(),
             forced,
             filtering,
-            losses,
             sides: 0,
             before: 0,
             kept: Kept::default(),
@@ -155,7 +85,6 @@ impl<B: AsRef<[f64]> + AsMut<[f64]>> Memory<B> {
         self.states.clear();
         self.inputs.clear();
         self.filtering.clear();
-        self.losses.clear();
         (self.depth, self.missing, self.sides, self.before) = (0, 0, 0, 0);
         self.kept = Kept::default();
     }
@@ -207,13 +136,6 @@ impl<B: AsRef<[f64]> + AsMut<[f64]>> Memory<B> {
         &self.block.as_ref()[self.outputs.last(self.depth)]
     }
 
-    /// Whether an output in the window was not measured.
-    #[inline]
-    fn missing(&self) -> bool {
-        self.missing > 0
-            && (self.depth == self.outputs.len || self.window().iter().any(|y| y.is_nan()))
-    }
-
     /// All inputs that are kept.
     pub fn inputs(&self) -> &[f64] {
         &self.block.as_ref()[self.inputs.window()]
@@ -234,39 +156,88 @@ impl<B: AsRef<[f64]> + AsMut<[f64]>> Memory<B> {
         self.block.as_mut()[at].iter_mut().zip(u).for_each(|(slot, u)| *slot = u);
     }
 
+    #[inline(always)]
+    fn stretches(&self) -> Stretches {
+        let Memory { outputs, states, inputs, depth, missing, .. } = *self;
+        Stretches { outputs, states, inputs, depth, missing }
+    }
+
     /// The forced motion of the window of this step, from its inputs.
     #[inline(always)]
     pub fn force(&mut self, shared: &Shared<'_>) {
-        let Some(response) = shared.response() else { return };
-        let (n, stride) = (self.states.width, self.forced.stride);
-        let (inputs, forced) = (self.inputs.last(self.depth), self.forced);
-        let (known, rest) = self.block.as_mut().split_at_mut(forced.x);
-        let (x, rest) = rest.split_at_mut(forced.free - forced.x);
-        let motion = &mut rest[forced.motion - forced.free..forced.end - forced.free];
-        response.forced(&known[inputs], motion);
-        // channel by channel: loops over the few channels of each instant cost more than their work
-        let motion = &motion[..self.depth * stride];
-        for (i, (mean, s)) in shared.mean_x.iter().zip(shared.s_x).enumerate() {
-            x[i] = *mean;
-            for (k, instant) in motion.chunks_exact(stride).enumerate() {
-                x[(k + 1) * n + i] = mean + instant[i] * s;
-            }
+        let at = self.stretches();
+        self.forced.force(self.block.as_mut(), at, shared);
+    }
+
+    /// The window of this step as a filter has it, if its problem is `filtered`.
+    #[inline(always)]
+    pub(crate) fn filter(&mut self, kalman: &Kalman<'_>, filtered: bool) {
+        let at = self.stretches();
+        self.filtering.filter(self.block.as_mut(), at, (kalman, filtered));
+    }
+
+    /// Whether the estimates that are kept are one filter's.
+    pub fn is_chain(&self) -> bool {
+        self.filtering.is_chain()
+    }
+
+    /// From now on they are not.
+    #[inline]
+    pub fn unchain(&mut self) {
+        self.filtering.unchain();
+    }
+
+    /// The covariance of the oldest estimate (n × n), unless it is the stationary one: to be saved.
+    pub fn tail(&self) -> Option<&[f64]> {
+        self.filtering.losses.tail(self.block.as_ref(), self.states.width)
+    }
+
+    /// Takes up a saved filter: whether its estimates are one, and that covariance if there is one.
+    pub fn resume_filter(&mut self, shared: &Shared<'_>, (chain, tail): (bool, &[f64])) {
+        let at = self.stretches();
+        if !tail.is_empty() {
+            self.filtering.losses.set_tail(self.block.as_mut(), tail);
+        }
+        if let Some(kalman) = shared.kalman.as_ref().filter(|_| chain) {
+            self.filtering.chain(self.block.as_mut(), at, kalman);
         }
     }
 
-    /// The outputs of the window without their forced motion.
+    /// y(t-1) and u(t-1) taken in, and x̂(t) into x, in the user's units, where the estimates in the
+    /// window are one filter's and nothing else is asked for: its cost. None where this step is
+    /// another; nothing has changed then.
     #[inline(always)]
-    fn free(&mut self) {
-        let (n, p, stride) = (self.states.width, self.outputs.width, self.forced.stride);
-        let window = self.outputs.last(self.depth);
-        let (outputs, rest) = self.block.as_mut().split_at_mut(self.forced.free);
-        let (free, motion) = rest.split_at_mut(self.forced.motion - self.forced.free);
-        let outputs = &outputs[window];
-        for i in 0..p {
-            for (k, instant) in motion.chunks_exact(stride).take(self.depth).enumerate() {
-                free[k * p + i] = outputs[k * p + i] - instant[n + i];
-            }
+    pub(crate) fn filter_alone(
+        &mut self,
+        shared: &Shared<'_>,
+        (y, u): (&[f64], &[f64]),
+        (depth, x): (usize, &mut [f64]),
+    ) -> Option<f64> {
+        let kalman = shared.kalman.as_ref()?;
+        let usual = self.missing == 0 && self.filtering.goes_on(depth);
+        let mut outputs = shared.output_deviations(y);
+        if !usual || !outputs.all(|y| y.abs() <= tol::MEASURABLE) {
+            return None;
         }
+        self.push_output(shared.output_deviations(y));
+        self.push_input(shared.input_deviations(u));
+        let at = self.stretches();
+        self.filtering.step_ahead(self.block.as_mut(), at, kalman, [1, 1]);
+        let next = self.filtering.ahead(self.block.as_ref(), self.states.width);
+        if !next.iter().all(|x| x.abs() <= tol::MEASURABLE) {
+            self.outputs.retract();
+            self.inputs.retract();
+            self.filtering.retract();
+            return None;
+        }
+        for (i, (to, next)) in x.iter_mut().zip(next).enumerate() {
+            *to = next * shared.s_x[i] + shared.mean_x[i];
+        }
+        if self.depth != depth {
+            self.deepen(depth);
+        }
+        self.push_state(shared.state_deviations(x));
+        Some(self.filtering.cost(self.block.as_ref(), depth))
     }
 
     /// An entry beyond [`MEASURABLE`](tol::MEASURABLE) counts as not measured. Returns how many do.
@@ -358,7 +329,10 @@ impl<B: AsRef<[f64]> + AsMut<[f64]>> Memory<B> {
     /// Forgets the oldest output with its inputs, and the oldest state.
     #[inline]
     pub fn forget(&mut self, shared: &Shared<'_>) {
-        self.forget_covariance(shared.kalman.as_ref().map(|kalman| &kalman.model));
+        if let Some(kalman) = &shared.kalman {
+            let at = self.stretches();
+            self.filtering.losses.forget(self.block.as_mut(), at, &kalman.model);
+        }
         if self.missing > 0 {
             let oldest = &self.outputs()[..self.outputs.width];
             self.missing -= oldest.iter().filter(|y| y.is_nan()).count();
@@ -401,18 +375,22 @@ impl<B: AsRef<[f64]> + AsMut<[f64]>> Memory<B> {
     /// The window's x̄ and outputs, and the room for a step.
     #[inline(always)]
     pub fn parts(&mut self) -> Parts<'_> {
-        let missing = self.missing();
+        let missing = self.stretches().missing(self.block.as_ref());
         let (states, outputs) = (self.states.last(self.depth), self.outputs.last(self.depth));
         let (outputs, means) = match self.inputs.width {
             0 => (outputs, None),
             _ => {
-                self.free();
+                let at = self.stretches();
+                self.forced.free(self.block.as_mut(), at);
                 let Forced { x, free, .. } = self.forced;
                 let states = (self.depth + 1) * self.states.width;
                 (free..free + outputs.len(), Some(x..x + states))
             }
         };
-        let (filtered, lacking) = (self.filtered(), self.losses.loss(self.states.width));
+        let (filtered, lacking) = (
+            self.filtering.filtered(self.stretches()),
+            self.filtering.losses.loss(self.states.width),
+        );
         let (window, room) = self.block.as_mut().split_at_mut(self.scratch);
         let (unconstrained, room) = room.split_at_mut(self.room.rank);
         let (z, room) = room.split_at_mut(self.room.rank);

@@ -4,9 +4,8 @@
 //! missing entry, D_k what their weight loses: an r × r matrix, factored at the step instead of the
 //! whole problem.
 
-use crate::active_set::factor::{solve_lower, solve_transposed};
+use crate::active_set::factor::{cholesky, solve_lower, solve_transposed};
 use crate::active_set::rows::Rows;
-use crate::panels::{Root, dot};
 use crate::plan::common::Shared;
 use crate::problem::{Data, Scratch, WindowProblem};
 use crate::tol;
@@ -117,22 +116,4 @@ impl WindowProblem<'_> {
             }
         }
     }
-}
-
-/// L of H = L Lᵀ in place (lower triangles by rows of `stride`); None when a pivot is not above
-/// `least`.
-#[inline(always)]
-pub(crate) fn cholesky(H: &mut [f64], r: usize, stride: usize, least: f64) -> Option<()> {
-    for i in 0..r {
-        let (above, row) = H.split_at_mut(i * stride);
-        for (j, other) in above.chunks_exact(stride).enumerate() {
-            row[j] = (row[j] - dot(&row[..j], &other[..j])) / other[j];
-        }
-        let pivot = row[i] - dot(&row[..i], &row[..i]);
-        if !(pivot > least) {
-            return None;
-        }
-        row[i] = pivot.root();
-    }
-    Some(())
 }

@@ -121,10 +121,14 @@ def scores(title: str, best: pd.DataFrame) -> Table:
     for row in best.to_dict("records"):
         weight = row["lambda/mu"]
         space = row["space"] if np.isnan(weight) else f"ridge {weight:.0e} mu"
+        if row["weights"] == "recorded":
+            space = "weights of the recording"
+        if row["disturbance"] not in ("none", "recorded" if row["weights"] == "recorded" else ""):
+            space += f", w {row['disturbance']}"
         quarters = " ".join(f"{row[key]:.1e}" for key in row if str(key).startswith("quarter"))
         cells = [
             str(row["horizon"]),
-            f"{row['mu']:.2g}",
+            "" if np.isnan(row["mu"]) else f"{row['mu']:.2g}",
             space,
             "yes" if row["equilibrium"] else "no",
         ]
@@ -140,7 +144,7 @@ def promise(title: str, tuning: Tuning, names: Sequence[str]) -> Table:
     result = Table(
         "state", "rms error", "range", "against the default rule", title=title, title_justify="left"
     )
-    kept = "horizon" not in tuning.settings and "equilibrium" not in tuning.settings
+    kept = not tuning.settings
     for name, error, low, high, ratio in zip(
         names, tuning.promise, *tuning.range, tuning.ratio, strict=True
     ):

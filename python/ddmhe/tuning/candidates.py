@@ -1,4 +1,4 @@
-"""The settings that are tried: the default rule and a grid."""
+"""The settings that are tried: the default rule, fitted disturbances beside it and a grid."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ddmhe._core import DEFAULT_RHO, DdMhe, Ridge, Truncated
+from ddmhe.tuning.disturbance import stated_noise
 from ddmhe.tuning.folds import Recorded
 
 Array = NDArray[np.float64]
@@ -32,16 +33,27 @@ LAMBDA = tuple(10.0**k for k in range(-7, 0))
 """λ/μ to try."""
 
 
+_FITTED = {"scaled": "none", "recorded": "recorded"}
+"""The disturbance that weights fit by themselves."""
+
+
 @dataclass
 class Candidate:
     """One setting."""
 
     given: dict[str, Any]
-    """Keywords of DdMhe; empty but for the options for the default rule."""
+    """Keywords of DdMhe, which are scored; for the default rule those that name what it takes on
+    the whole recording, lest it takes something else on parts of it."""
     horizon: int
     mu: float
+    """In scaled units; NaN for the weights of the recording."""
     weight: float | None = None
     """λ/μ; None for a rank or the default rule."""
+    default: bool = False
+    """Whether it is the default rule, without or with the known rest."""
+    stated: float | None = None
+    """What the disturbance of the recording is divided by so that the outputs' noise is the stated
+    one; None where it is not."""
     radius: float = math.inf
     scores: Array | None = None
     """log(rms/spread) of each quarter."""
@@ -58,6 +70,25 @@ class Candidate:
         return "equilibrium" in self.given
 
     @property
+    def settings(self) -> dict[str, Any]:
+        """Keywords of DdMhe that mean the same: none where the default rule takes them by itself,
+        but for the known rest."""
+        kept = {key: value for key, value in self.given.items() if key == "equilibrium"}
+        return kept if self.default else dict(self.given)
+
+    @property
+    def weights(self) -> str:
+        """The cost is weighed by scales, or by the noise of the recording."""
+        return str(self.given.get("weights", "scaled"))
+
+    @property
+    def disturbance(self) -> str:
+        """Which disturbance is fitted, in words."""
+        if self.stated is not None:
+            return f"recorded / {self.stated:.3g}"
+        return str(self.given.get("process_noise", _FITTED[self.weights]))
+
+    @property
     def score(self) -> float:
         """Mean over the quarters."""
         return float(np.mean(self.scores)) if self.scores is not None else math.inf
@@ -69,22 +100,22 @@ class Candidate:
 
 
 def candidates_for(recorded: Recorded) -> tuple[list[Candidate], float]:
-    """The default rule and a grid, with and without the equilibrium if it can be used; and the
-    default rule's λ/μ."""
+    """The default rule, fitted disturbances beside it, and a grid, with and without the equilibrium
+    if it can be used; and the λ/μ of the default rule's ridge."""
     history, equilibrium = recorded.history, recorded.equilibrium
-    default = DdMhe(history, start="recording")
-    reference = max(default.ridge / default.mu, LAMBDA[0])
+    ridge = DdMhe(history, start="recording", weights="scaled")
+    reference = max(ridge.ridge / ridge.mu, LAMBDA[0])
     hidden = reference > HIDDEN
     reach = min(len(recorded.y), LONGEST / max(HORIZONS[hidden]))
     horizons = sorted({max(2, round(share * reach)) for share in HORIZONS[hidden]})
     options: list[dict[str, Any]] = [{}]
+    found = _beside(recorded, ridge)
     if equilibrium is not None:
         rest: dict[str, Any] = {"equilibrium": equilibrium}
         if not any("equilibrium" in w for w in DdMhe(history, start="recording", **rest).warnings):
             options.append(rest)
-    found = []
+            found.append(Candidate(rest, ridge.horizon, ridge.mu, default=True))
     for option in options:
-        found.append(Candidate(option, default.horizon, default.mu))
         for M, level in product(horizons, MU[hidden]):
             given = option | {"horizon": M, "rho": DEFAULT_RHO, "mu": level, "weights": "scaled"}
             for weight in LAMBDA:
@@ -94,3 +125,30 @@ def candidates_for(recorded: Recorded) -> tuple[list[Candidate], float]:
                 for rank in range(history.n, history.n + 3):
                     found.append(Candidate(given | {"space": Truncated(rank)}, M, level))
     return found, reference
+
+
+def _beside(recorded: Recorded, ridge: DdMhe) -> list[Candidate]:
+    """The default rule first, then what differs from it in weights and disturbance alone.
+
+    The weights of the recording are tried where the default rule takes them, and nowhere else: what
+    it refuses them for, a curved motion or a state that x does not hold, is hardly seen inside of
+    the recording."""
+    default = DdMhe(recorded.history, start="recording")
+    scaled: list[dict[str, Any]] = [
+        {"weights": "scaled"} | fitted
+        for fitted in ({}, {"process_noise": "recorded"}, {"process_noise": "residual"})
+    ]
+    forms = [Candidate(given, ridge.horizon, ridge.mu) for given in scaled]
+    if default.weights == "recorded":
+        weights: dict[str, Any] = {"weights": "recorded"}
+        own = [Candidate(weights, default.horizon, math.nan)]
+        stated = stated_noise(recorded)
+        if stated is not None:
+            Q, times = stated
+            given = weights | {"process_noise": Q}
+            own.append(Candidate(given, default.horizon, math.nan, stated=times))
+        given = weights | {"process_noise": "residual"}
+        own.append(Candidate(given, default.horizon, math.nan))
+        forms = own + forms
+    forms[0].default = True
+    return forms

@@ -33,8 +33,9 @@ class Tuning:
     start=tuning.start)` for a run that goes on where the recording ends."""
 
     settings: dict[str, Any]
-    """Keywords of DdMhe that hold for every start: none where the default rule is kept, else
-    horizon, rho, mu, weights and space; and equilibrium where it was chosen."""
+    """Keywords of DdMhe that hold for every start: none where the default rule is kept; else
+    weights and process_noise, or horizon, rho, mu, weights and space; and equilibrium where it was
+    chosen."""
     score: float
     """Mean over the quarters of log(rms error / spread of the states): 0 is no better than their
     mean."""
@@ -79,11 +80,12 @@ def tuning_of(
 ) -> Tuning:
     """The result for what was scored; `ranked` are the candidates, best first."""
     history = recorded.history
-    verdict = _judged(recorded, ends, ranked, default)
+    rule = _rule(ranked, default)
+    verdict = _judged(recorded, ends, ranked, rule)
     best = verdict.chosen
     est = DdMhe(history, start="recording", **best.given)  # without the short windows: sooner there
     settings = _in_force(best, est)
-    promise = promise_of(history, ends, rehearsals, settings, est.horizon)
+    promise = promise_of(history, ends, rehearsals, best.given, est.horizon)
     ratio = np.ones(history.n)
     if best is not default:
         others = promise_of(history, ends, [], default.given, default.horizon)
@@ -93,7 +95,7 @@ def tuning_of(
         settings=settings,
         score=best.score,
         table=_table(rows),
-        words=words_for(rows, default, verdict, promise, recorded),
+        words=words_for(rows, (default, rule), verdict, promise, recorded),
         start="recording",
         candidates=[c.given for c in rows],
         warnings=est.warnings,
@@ -107,10 +109,21 @@ def tuning_of(
     )
 
 
+def _rule(ranked: list[Candidate], default: Candidate) -> Candidate:
+    """What is left beyond doubt alone: the default rule, or where that takes the weights of the
+    recording and the outputs are said to be noisier, these weights with the noise that is stated,
+    unless the quarters speak against it."""
+    for c in ranked:
+        if c.stated is not None and math.isfinite(c.rated) and c.score <= default.score:
+            return c
+    return default
+
+
 def _judged(
     recorded: Recorded, ends: list[Fold], ranked: list[Candidate], default: Candidate
 ) -> Verdict:
-    """The verdict that the ends of the recording agree with, too."""
+    """The verdict that the ends of the recording agree with, too; `default` is what is left beyond
+    doubt alone."""
     T = len(recorded.y)
     # without a quarter there are next to no windows longer than half: what was held out is another
     # rule
@@ -127,7 +140,7 @@ def _judged(
 def _in_force(best: Candidate, est: DdMhe) -> dict[str, Any]:
     """Keywords of DdMhe with the numbers that its estimator has."""
     if "horizon" not in best.given:
-        return dict(best.given)
+        return best.settings
     numbers = {"horizon": est.horizon, "rho": est.rho, "mu": est.mu}
     return best.given | numbers | {"weights": "scaled", "space": est.space}
 
@@ -145,8 +158,11 @@ def _table(ranked: list[Candidate]) -> pd.DataFrame:
                 "horizon": c.horizon,
                 "mu": c.mu,
                 "space": str(c.given.get("space", "auto")),
+                "weights": c.weights,
+                "disturbance": c.disturbance,
                 "lambda/mu": math.nan if c.weight is None else c.weight,
                 "equilibrium": c.equilibrium,
+                "default": c.default,
                 "score": c.score,
                 "rehearsed": c.rehearsed,
                 "rated": c.rated,

@@ -25,14 +25,17 @@ LARGEST_LOG = 40.0
 
 def words_for(
     rows: list[Candidate],
-    default: Candidate,
+    rules: tuple[Candidate, Candidate],
     verdict: Verdict,
     promise: Promise,
     recorded: Recorded,
 ) -> str:
-    """How far the choice can be trusted; `rows` begin with the chosen one."""
+    """How far the choice can be trusted; `rows` begin with the chosen one, `rules` are the default
+    rule and what is left beyond doubt alone."""
     best = verdict.chosen
-    parts = [_decision(verdict, best is not default, len(rows) - 1)]
+    parts = [*_in_question(*rules), _decision(verdict, rules, len(rows) - 1)]
+    if best not in rules and "horizon" not in best.given:
+        parts.append(f"Chosen: {best.weights} weights, fitted disturbance {best.disturbance}.")
     scores = best.scores if best.scores is not None else np.full(1, math.inf)
     if np.isfinite(scores).all():
         parts.append(
@@ -60,25 +63,44 @@ def words_for(
     return " ".join([*parts, _expected(promise, recorded.spread)])
 
 
-def _decision(verdict: Verdict, moved: bool, others: int) -> str:
-    """Whether the default rule was left, and what for."""
+def _in_question(default: Candidate, rule: Candidate) -> list[str]:
+    """What the default rule takes of the noise of the recording."""
+    if default.weights == "scaled":
+        return []
+    taken = "The default rule takes the weights of the recording."
+    if rule is default:
+        return [taken]
+    gain = math.exp(min(rule.score - default.score, LARGEST_LOG))
+    return [
+        f"{taken} It was left: the stated noise of the outputs is not that of the recording. A "
+        f"process_noise smaller by {rule.stated:.3g} gives its filter the stated noise, and "
+        f"{gain:.2g} times its error in the quarters."
+    ]
+
+
+def _decision(verdict: Verdict, rules: tuple[Candidate, Candidate], others: int) -> str:
+    """Whether the rule was left, and what for."""
+    default, rule = rules
+    moved = verdict.chosen is not rule
+    name_of_rule = "The default rule" if rule is default else "This filter"
     judges = verdict.quarters if verdict.rehearsals is None else verdict.rehearsals
     name = "quarters" if verdict.rehearsals is None else "rehearsals"
     if not np.isfinite(judges).all():
         return (
-            "The default rule is kept, the recording cannot tell that another setting is better: "
+            f"{name_of_rule} is kept, the recording cannot tell that another setting is better: "
             "it is too short, or the default's windows are too long, for parts to be held out."
         )
     mean, low, high = (
         math.exp(min(v, LARGEST_LOG)) for v in (judges.mean(), judges.min(), judges.max())
     )
+    whose = "the default rule's" if rule is default else "its"
     seen = (
-        f"of {others} other settings the best by all other parts has {mean:.2g} times the default "
-        f"rule's error in the {name} left out, from {low:.2g} to {high:.2g}"
+        f"of {others} other settings the best by all other parts has {mean:.2g} times {whose} "
+        f"error in the {name} left out, from {low:.2g} to {high:.2g}"
     )
     if moved:
-        return f"The default rule was left: {seen}; the ends of the recording show the same."
-    kept = "The default rule is kept, the recording cannot tell that another setting is better"
+        return f"{name_of_rule} was left: {seen}; the ends of the recording show the same."
+    kept = f"{name_of_rule} is kept, the recording cannot tell that another setting is better"
     if verdict.refused:
         return f"{kept}: {seen}, but the ends of the recording do not show the same."
     asked = (

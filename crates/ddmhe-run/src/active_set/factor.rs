@@ -148,3 +148,21 @@ pub fn solve_transposed(L: &[f64], x: &mut [f64], stride: usize) {
         axpy(-value, &row[..i], &mut x[..i]);
     }
 }
+
+/// L of H = L Lᵀ in place (lower triangles by rows of `stride`); None when a pivot is not above
+/// `least`.
+#[inline(always)]
+pub(crate) fn cholesky(H: &mut [f64], r: usize, stride: usize, least: f64) -> Option<()> {
+    for i in 0..r {
+        let (above, row) = H.split_at_mut(i * stride);
+        for (j, other) in above.chunks_exact(stride).enumerate() {
+            row[j] = (row[j] - dot(&row[..j], &other[..j])) / other[j];
+        }
+        let pivot = row[i] - dot(&row[..i], &row[..i]);
+        if !(pivot > least) {
+            return None;
+        }
+        row[i] = pivot.root();
+    }
+    Some(())
+}

@@ -5,8 +5,8 @@
 //! R is diagonal, so that the outputs of an instant are taken in one by one, and what was not
 //! measured is passed over.
 
-use super::Memory;
 use crate::kalman::Model;
+use crate::memory::stretches::Stretches;
 use crate::panels::{axpy, dot, padded};
 use crate::plan::common::Sizes;
 use crate::tol;
@@ -108,70 +108,70 @@ struct Arrays<'a> {
     disturbances: &'a mut [f64],
 }
 
-impl<B: AsRef<[f64]> + AsMut<[f64]>> Memory<B> {
+impl Losses {
     /// The covariance of the oldest estimate (n × n), unless it is the stationary one: to be saved.
-    pub fn tail(&self) -> Option<&[f64]> {
-        let n = self.states.width;
-        (!self.losses.settled).then(|| &self.block.as_ref()[self.losses.tail..][..n * n])
+    pub fn tail<'b>(&self, block: &'b [f64], n: usize) -> Option<&'b [f64]> {
+        (!self.settled).then(|| &block[self.tail..][..n * n])
     }
 
     /// A saved one.
-    pub fn set_tail(&mut self, covariance: &[f64]) {
-        let at = self.losses.tail;
-        self.block.as_mut()[at..at + covariance.len()].copy_from_slice(covariance);
-        self.losses.settled = false;
+    pub fn set_tail(&mut self, block: &mut [f64], covariance: &[f64]) {
+        block[self.tail..self.tail + covariance.len()].copy_from_slice(covariance);
+        self.settled = false;
     }
 
     /// The covariance of the oldest estimate once its output is forgotten.
     #[inline]
-    pub(super) fn forget_covariance(&mut self, model: Option<&Model<'_>>) {
-        let Some(model) = model else { return };
-        let oldest = self.outputs.window().start;
-        let lost =
-            || self.block.as_ref()[oldest..][..self.outputs.width].iter().any(|y| y.is_nan());
-        if !self.losses.settled || self.missing > 0 && lost() {
-            self.follow_tail(model, oldest);
+    pub fn forget(&mut self, block: &mut [f64], at: Stretches, model: &Model<'_>) {
+        let oldest = at.outputs.window().start;
+        let lost = || block[oldest..][..at.outputs.width].iter().any(|y| y.is_nan());
+        if !self.settled || at.missing > 0 && lost() {
+            self.follow_tail(block, at, model);
         }
     }
 
     #[cold]
-    fn follow_tail(&mut self, model: &Model<'_>, oldest: usize) {
-        let n = self.states.width;
-        let (known, room) = self.block.as_mut().split_at_mut(self.losses.tail);
-        let Arrays { tail, work, .. } = self.losses.arrays(n, room);
-        if self.losses.settled {
+    fn follow_tail(&mut self, block: &mut [f64], at: Stretches, model: &Model<'_>) {
+        let oldest = at.outputs.window().start;
+        let n = at.states.width;
+        let (known, room) = block.split_at_mut(self.tail);
+        let Arrays { tail, work, .. } = self.arrays(n, room);
+        if self.settled {
             tail.copy_from_slice(model.P);
         }
-        let y = &known[oldest..oldest + self.outputs.width];
+        let y = &known[oldest..oldest + at.outputs.width];
         model.follow(y, tail, work);
         let size = model.P.iter().fold(0.0_f64, |size, P| size.max(P.abs()));
         let near = |(a, b): (&f64, &f64)| (a - b).abs() <= tol::SETTLED * size;
-        self.losses.settled = y.iter().all(|y| !y.is_nan()) && tail.iter().zip(model.P).all(near);
+        self.settled = y.iter().all(|y| !y.is_nan()) && tail.iter().zip(model.P).all(near);
     }
 
     /// P(t-m) of the window: whether it is the stationary one; else what its inverse lacks of that
     /// one's.
     #[inline]
-    pub(super) fn settle_prior(&mut self, model: &Model<'_>) -> bool {
-        let p = self.outputs.width;
-        let older = self.outputs.len - self.depth;
-        let before = self.outputs.window().start..self.outputs.last(self.depth).start;
-        let lost =
-            self.missing > 0 && self.block.as_ref()[before.clone()].iter().any(|y| y.is_nan());
-        self.losses.usual = self.losses.settled && !lost;
-        if !self.losses.usual {
+    pub fn settle_prior(&mut self, block: &mut [f64], at: Stretches, model: &Model<'_>) -> bool {
+        let p = at.outputs.width;
+        let older = at.outputs.len - at.depth;
+        let before = at.outputs.window().start..at.outputs.last(at.depth).start;
+        let lost = at.missing > 0 && block[before.clone()].iter().any(|y| y.is_nan());
+        self.usual = self.settled && !lost;
+        if !self.usual {
             debug_assert_eq!(before.len(), older * p);
-            self.follow_prior(model, before);
+            self.follow_prior((block, at.channels()), model, before);
         }
-        self.losses.usual
+        self.usual
     }
 
     #[cold]
-    fn follow_prior(&mut self, model: &Model<'_>, before: Range<usize>) {
-        let (n, p) = (self.states.width, self.outputs.width);
-        let (known, room) = self.block.as_mut().split_at_mut(self.losses.tail);
-        let Arrays { tail, prior, loss, work, .. } = self.losses.arrays(n, room);
-        prior.copy_from_slice(if self.losses.settled { model.P } else { tail });
+    fn follow_prior(
+        &mut self,
+        (block, [n, p, _]): (&mut [f64], [usize; 3]),
+        model: &Model<'_>,
+        before: Range<usize>,
+    ) {
+        let (known, room) = block.split_at_mut(self.tail);
+        let Arrays { tail, prior, loss, work, .. } = self.arrays(n, room);
+        prior.copy_from_slice(if self.settled { model.P } else { tail });
         for y in known[before].chunks_exact(p) {
             model.follow(y, prior, work);
         }
@@ -180,15 +180,14 @@ impl<B: AsRef<[f64]> + AsMut<[f64]>> Memory<B> {
 
     /// The window from x̄ and its covariance on, forwards and back.
     #[cold]
-    pub(super) fn pass_losses(&mut self, model: &Model<'_>) {
-        let (n, p, m) = (self.states.width, self.outputs.width, self.inputs.width);
-        let depth = self.depth;
-        let x = self.states.last(depth).start;
-        let (y, u) = (self.outputs.last(depth), self.inputs.last(depth));
-        let (known, room) = self.block.as_mut().split_at_mut(self.losses.tail);
-        let own = self.losses.arrays(n, room);
+    pub fn pass(&mut self, block: &mut [f64], at: Stretches, model: &Model<'_>) {
+        let ([n, p, m], depth) = (at.channels(), at.depth);
+        let x = at.states.last(depth).start;
+        let (y, u) = (at.outputs.last(depth), at.inputs.last(depth));
+        let (known, room) = block.split_at_mut(self.tail);
+        let own = self.arrays(n, room);
         let Arrays { prior, work, predicted, gains, errors, states, disturbances, .. } = own;
-        predicted[..n * n].copy_from_slice(if self.losses.usual { model.P } else { prior });
+        predicted[..n * n].copy_from_slice(if self.usual { model.P } else { prior });
         states[..n].copy_from_slice(&known[x..x + n]);
         let sample = |k: usize| (&known[y.start + k * p..][..p], &known[u.start + k * m..][..m]);
         let mut cost = 0.0;
@@ -209,7 +208,7 @@ impl<B: AsRef<[f64]> + AsMut<[f64]>> Memory<B> {
             model.predict(after, work);
             model.move_on(next, u, work);
         }
-        self.losses.cost = cost;
+        self.cost = cost;
         // λ(t) = 0, and back
         let (lambda, later) = work.split_at_mut(n);
         lambda.fill(0.0);

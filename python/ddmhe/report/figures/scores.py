@@ -35,7 +35,7 @@ def tuning_figure(table: pd.DataFrame) -> Figure:
                 x_chosen, chosen["error"], 140, marker="*", color="black", label="chosen", zorder=4
             )
         axes.set(xscale="log", yscale="log")
-        axes.set_xlabel("regularisation weight / mu (left edge: cuts at a rank, default rule)")
+        axes.set_xlabel("regularisation weight / mu (left edge: cuts at a rank, rules)")
         if len(options) > 1:
             axes.set_title("with the known rest" if option else "recording alone")
         axes.grid(alpha=0.3)
@@ -48,15 +48,19 @@ def _draw_scores(axes: Axes, table: pd.DataFrame, part: pd.DataFrame) -> None:
     """The `part` of a tuning's table that one panel shows, in the colours and lines of the whole
     table."""
     horizons = sorted(set(table["horizon"]))
-    styles = dict(zip(sorted(set(table["mu"])), ["-", "--", ":", "-."] * 4, strict=False))
+    styles = dict(zip(sorted(set(table["mu"].dropna())), ["-", "--", ":", "-."] * 4, strict=False))
     ridge = part[part["lambda/mu"].notna()]
     for (M, mu), curve in ridge.groupby(["horizon", "mu"]):
         curve = curve.sort_values("lambda/mu")
         weights, errors = curve["lambda/mu"], curve["error"]
         label = f"M = {M}, mu = {mu:.3g}"
         axes.plot(weights, errors, styles[mu], color=color_of(horizons.index(M)), label=label)
-    (default,) = part[part["space"] == "auto"]["error"]
+    (default,) = part[part["default"]]["error"]
     axes.axhline(default, color="0.5", linewidth=1, label="default rule")
+    beside = part[(part["space"] == "auto") & ~part["default"]]
+    for marker, (_, row) in zip("^v<>d", beside.iterrows(), strict=False):
+        label = f"{row['weights']} weights, disturbance {row['disturbance']}"
+        axes.scatter(EDGE, row["error"], 24, marker=marker, color="0.4", label=label)
     ranks = part[part["space"].str.startswith("Truncated")]
     for M, cut in ranks.groupby("horizon"):
         at = np.full(len(cut), EDGE)

@@ -1,0 +1,44 @@
+//! The room that a step works in.
+
+use crate::active_set::factor::work_len;
+use crate::kalman;
+use crate::panels::padded;
+use crate::plan::common::Sizes;
+
+/// Sizes of the room that a step works in, in the order in which it lies in the block.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Room {
+    pub rank: usize,   // of z* and z, padded
+    pub window: usize, // of the window and its bounds, padded
+    pub outputs: usize,
+    pub hessian_factor: usize,
+    pub block: usize,
+    pub moved: usize,
+    pub smoothing: usize,
+    pub sides: usize,
+}
+
+impl Room {
+    pub fn new(sizes: Sizes) -> Self {
+        let Sizes { n, p, horizon, rank: r, .. } = sizes;
+        Room {
+            rank: padded(r),
+            window: sizes.layout(horizon).apart(),
+            outputs: padded(horizon * p),
+            hessian_factor: r * r.next_multiple_of(4),
+            block: padded(p * p),
+            moved: padded(n),
+            smoothing: if sizes.recorded { kalman::room(n, p) } else { 0 },
+            sides: padded(r),
+        }
+    }
+
+    pub fn len_before_sides(&self) -> usize {
+        let Room { rank, window, outputs, hessian_factor, block, moved, smoothing, .. } = *self;
+        2 * rank + 3 * window + outputs + hessian_factor + block + moved + smoothing
+    }
+
+    pub fn len(&self, r: usize) -> usize {
+        self.len_before_sides() + 2 * self.sides + work_len(r)
+    }
+}
