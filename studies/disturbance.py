@@ -120,7 +120,7 @@ def demands(found):
         rows.append([case, f"{over} / {under}", *cells])
     header = ["case", "quotient", "asked", "of medians", "median of quotients", "worst", ""]
     said = (
-        "A tumbling body is curved: stated by hand, the weights of the recording lose there, and "
+        "A tumbling body is curved: stated by hand, these weights gain little there or lose, and "
     )
     return [*markdown_table(header, rows), "", said + "the default does not take them."]
 
@@ -170,6 +170,8 @@ def consistency():
     """Whether the covariances hold what they say."""
     rows = []
     for case, logs, _ in track(list(cases()), "consistency"):
+        if "detumbling" in case:
+            continue  # a model of windows, not that of least squares, of which `evidence` speaks
         nees, nis, alarms = np.array([evidence(log) for log in logs]).T
         cells = [f"{np.median(v):.2f} ({v.min():.2g} to {v.max():.2g})" for v in (nees, nis)]
         rows.append([case, *cells, f"{alarms.mean():.2%}"])
