@@ -119,7 +119,10 @@ def demands(found):
         cells = [f"≤ {limit:g}", f"{medians:.3f}", f"{middle:.3f}", f"{worst:.3f}", verdict]
         rows.append([case, f"{over} / {under}", *cells])
     header = ["case", "quotient", "asked", "of medians", "median of quotients", "worst", ""]
-    return markdown_table(header, rows)
+    said = (
+        "A tumbling body is curved: stated by hand, these weights gain little there or lose, and "
+    )
+    return [*markdown_table(header, rows), "", said + "the default does not take them."]
 
 
 def deviation(S):
@@ -167,6 +170,8 @@ def consistency():
     """Whether the covariances hold what they say."""
     rows = []
     for case, logs, _ in track(list(cases()), "consistency"):
+        if "detumbling" in case:
+            continue  # a model of windows, not that of least squares, of which `evidence` speaks
         nees, nis, alarms = np.array([evidence(log) for log in logs]).T
         cells = [f"{np.median(v):.2f} ({v.min():.2g} to {v.max():.2g})" for v in (nees, nis)]
         rows.append([case, *cells, f"{alarms.mean():.2%}"])
