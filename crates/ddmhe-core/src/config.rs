@@ -2,13 +2,13 @@
 
 use crate::certificate::{Certificate, Disturbance};
 use crate::check::check_vector;
+use crate::covariance::check_covariance;
 use crate::error::Error;
 use crate::history::History;
 use crate::soft::Soft;
 use crate::space::Space;
 use crate::tol;
 use crate::variation::Rest;
-use faer::{Mat, Side};
 use serde::{Deserialize, Serialize};
 
 /// A box lo ≤ · ≤ hi; infinite entries are no bounds.
@@ -329,32 +329,6 @@ fn check_beside_recorded(config: &Config) -> Result<(), Error> {
     }
     if config.x_center != Center::Absolute {
         return Err(Error::value("x_center", expected("none"), "\"history\""));
-    }
-    Ok(())
-}
-
-/// Symmetric, positive semidefinite, not 0.
-fn check_covariance(argument: &'static str, Q: &[f64], n: usize) -> Result<(), Error> {
-    check_vector(argument, Q, n * n)?;
-    let size = Q.iter().fold(0.0_f64, |size, q| size.max(q.abs()));
-    let uneven = (0..n * n).any(|k| (Q[k] - Q[k % n * n + k / n]).abs() > 1e-9 * size);
-    // entries in units of their own rows: channels may have very different units
-    let root = |i: usize| Q[i * n + i].max(0.0).sqrt();
-    let own = |i: usize| if root(i) > 0.0 { root(i) } else { 1.0 };
-    let unit = Mat::from_fn(n, n, |i, j| Q[i * n + j] / (own(i) * own(j)));
-    let least = unit.self_adjoint_eigenvalues(Side::Lower).ok().and_then(|v| v.first().copied());
-    let negative = least.is_none_or(|least| least < -1e-9 * n as f64);
-    if size == 0.0 || uneven || negative {
-        let expected = "a covariance, symmetric and positive semidefinite, not 0";
-        let found = match least {
-            _ if size == 0.0 => "zeros".to_string(),
-            _ if uneven => "one that is not symmetric".into(),
-            Some(least) => {
-                format!("one with the least eigenvalue {least:.3e} in units of its diagonal")
-            }
-            None => "one whose eigenvalues cannot be computed".into(),
-        };
-        return Err(Error::value(argument, expected, found));
     }
     Ok(())
 }

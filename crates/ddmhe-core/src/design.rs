@@ -5,6 +5,7 @@ use crate::config::{
     Bounds, Center, Config, Equilibrium, ProcessNoise, Settings, Start, Weighting, validate,
 };
 use crate::defaults::{Defaults, stable};
+use crate::depths::{depths, places};
 use crate::driving::Driving;
 use crate::error::Error;
 use crate::error_bound::ErrorBound;
@@ -26,7 +27,7 @@ use crate::variation::Rest;
 use crate::watch::Watch;
 use crate::weights::Weights;
 use ddmhe_run::layout::Layout;
-use ddmhe_run::plan::{Sizes, kept_depths};
+use ddmhe_run::plan::Sizes;
 use std::sync::{Arc, OnceLock};
 
 /// What follows from the recording and the settings; shared by the copies of an estimator.
@@ -387,30 +388,6 @@ fn leaves_all_open(config: &Config) -> bool {
         && config.space == Space::Auto
         && config.weighting() == Weighting::Scaled
         && matches!(config.process_noise, ProcessNoise::Auto | ProcessNoise::None)
-}
-
-/// Depths of the windows of a run that begins with so many outputs, the horizon first: every one
-/// where the weights are stated in the user's units or by a certificate, Algorithm 1 as printed;
-/// otherwise few of them.
-pub(crate) fn depths(config: &Config, horizon: usize, filled: usize) -> Vec<usize> {
-    let mut depths: Vec<usize> = kept_depths(horizon, keeps_every_depth(config)).collect();
-    // with outputs in the window before the first step, shorter ones are never reached
-    let longer = depths.iter().filter(|depth| **depth > filled + 1).count();
-    depths.truncate(longer + 1);
-    depths
-}
-
-/// Whether windows grow through every depth.
-pub(crate) fn keeps_every_depth(config: &Config) -> bool {
-    config.certificate.is_some() || config.weighting() == Weighting::Paper
-}
-
-/// For each number of outputs up to the horizon, which problem is the deepest that they fill.
-fn places(problems: &[Prepared], horizon: usize) -> Vec<usize> {
-    let deep = |outputs: usize| {
-        problems.partition_point(|problem| problem.layout().depth <= outputs).saturating_sub(1)
-    };
-    (0..=horizon).map(deep).collect()
 }
 
 /// The scales and the rule of checked settings.

@@ -8,7 +8,8 @@
 
 use crate::config::{Config, ProcessNoise, Start, Weighting, validate};
 use crate::defaults::Defaults;
-use crate::design::{Design, depths, guarded, prepared, select};
+use crate::depths::depths;
+use crate::design::{Design, guarded, prepared, select};
 use crate::error::Error;
 use crate::excitation::check_excitation;
 use crate::first_window::filled;

@@ -89,6 +89,7 @@ mod challenge;
 mod config;
 mod covariance;
 pub mod defaults;
+mod depths;
 mod design;
 mod driving;
 mod error_bound;

@@ -2,7 +2,7 @@
 
 use crate::check::{check_finite, check_vector};
 use crate::config::{Config, Start};
-use crate::design::keeps_every_depth;
+use crate::depths::keeps_every_depth;
 use crate::error::Error;
 use crate::filter::{Filters, is_linear};
 use crate::history::History;
