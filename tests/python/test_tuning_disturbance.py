@@ -97,6 +97,8 @@ def test_what_is_tried_beside_the_default_rule(tuned):
     fits = {"recorded": "recorded", "scaled": "none"}[default]
     assert (own["weights"], own["disturbance"]) == (default, fits)
     assert ("takes the weights of the recording" in found.words) == (default == "recorded")
+    # a curved surrogate that nothing drives is not a linear motion that noise drives
+    assert default == "scaled" or found.table["rehearsed"].isna().all()
 
 
 def test_the_default_rule_is_no_worse_later_than_what_is_chosen(tuned):

@@ -16,7 +16,7 @@ from ddmhe.tuning.folds import Recorded
 
 Array = NDArray[np.float64]
 
-__all__ = ["HIDDEN", "LAMBDA", "Candidate", "candidates_for"]
+__all__ = ["LAMBDA", "Candidate", "candidates_for"]
 
 HIDDEN = 1e-2
 """A default λ/μ above this (a third of the variance unexplained) means hidden states: other
@@ -99,9 +99,13 @@ class Candidate:
         return math.nan if self.rehearsals is None else float(np.mean(self.rehearsals))
 
 
-def candidates_for(recorded: Recorded) -> tuple[list[Candidate], float]:
+def candidates_for(recorded: Recorded) -> tuple[list[Candidate], bool]:
     """The default rule, fitted disturbances beside it, and a grid, with and without the equilibrium
-    if it can be used; and the λ/μ of the default rule's ridge."""
+    if it can be used; and whether surrogates can stand in for the recorded motion.
+
+    They cannot for hidden states, nor where the default rule takes the weights of the recording:
+    there the motion is linear and noise drives it, while surrogates are curved, and nothing drives
+    them: they prefer whatever trusts the outputs most."""
     history, equilibrium = recorded.history, recorded.equilibrium
     ridge = DdMhe(history, start="recording", weights="scaled")
     reference = max(ridge.ridge / ridge.mu, LAMBDA[0])
@@ -124,7 +128,7 @@ def candidates_for(recorded: Recorded) -> tuple[list[Candidate], float]:
             if not hidden:
                 for rank in range(history.n, history.n + 3):
                     found.append(Candidate(given | {"space": Truncated(rank)}, M, level))
-    return found, reference
+    return found, not hidden and found[0].weights == "scaled"
 
 
 def _beside(recorded: Recorded, ridge: DdMhe) -> list[Candidate]:
