@@ -115,6 +115,18 @@ def test_the_returned_settings_are_the_estimator_that_was_scored(tuned):
     np.testing.assert_array_equal(scored.run(outputs).x, again.run(outputs).x)
 
 
+def test_states_that_show_no_disturbance_are_tuned():
+    """Recorded exactly, of a decay that nothing drives: a disturbance cannot be asked for."""
+    x = 0.98 ** np.arange(101.0)[:, None]
+    y = x[:-1] + 0.05 * np.random.default_rng(0).standard_normal((100, 1))
+    history = ddmhe.History(x[:51], y[:50])
+    found = ddmhe.tune(history, progress=False)
+    asked = found.table["disturbance"].isin(["recorded", "residual"]) & ~found.table["default"]
+    assert asked.any()
+    assert not np.isfinite(found.table["rated"][asked]).any()
+    assert error(history, found.settings, y[50:], x[51:]) < 1.0
+
+
 def test_disturbances_are_scored_as_estimators_fitted_by_hand(tuned):
     found, history, _, _ = tuned
     ((x, y),) = history.recordings

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ddmhe._core import DEFAULT_RHO, DdMhe, Ridge, Truncated
+from ddmhe._core import DEFAULT_RHO, DdMhe, DdmheError, Ridge, Truncated
 from ddmhe.tuning.disturbance import stated_noise
 from ddmhe.tuning.folds import Recorded
 
@@ -79,7 +79,7 @@ class Candidate:
     @property
     def weights(self) -> str:
         """The cost is weighed by scales, or by the noise of the recording."""
-        return str(self.given.get("weights", "scaled"))
+        return str(self.given.get("weights", "scaled" if self.given else "recorded"))
 
     @property
     def disturbance(self) -> str:
@@ -145,7 +145,7 @@ def _beside(recorded: Recorded, ridge: DdMhe) -> list[Candidate]:
     forms = [Candidate(given, ridge.horizon, ridge.mu) for given in scaled]
     if default.weights == "recorded":
         weights: dict[str, Any] = {"weights": "recorded"}
-        own = [Candidate(weights, default.horizon, math.nan)]
+        own = [Candidate(_named(recorded, weights), default.horizon, math.nan)]
         stated = stated_noise(recorded)
         if stated is not None:
             Q, times = stated
@@ -156,3 +156,13 @@ def _beside(recorded: Recorded, ridge: DdMhe) -> list[Candidate]:
         forms = own + forms
     forms[0].default = True
     return forms
+
+
+def _named(recorded: Recorded, weights: dict[str, Any]) -> dict[str, Any]:
+    """These weights; nothing where the default rule alone takes them: they cannot be asked for by
+    name of states that show no disturbance."""
+    try:
+        DdMhe(recorded.history, start="recording", **weights)
+    except DdmheError:
+        return {}
+    return weights
