@@ -4,7 +4,8 @@
 .NOTPARALLEL:
 .PHONY: help setup packages demo test test-long lint bench bench-latency bench-peers \
 	instructions wheel test-wheel study-defaults study-certificates study-tuning study-promise \
-	study-sensitivity study-reproduction study-intervals study-estimators study-disturbance clean
+	study-sensitivity study-reproduction study-intervals study-estimators study-disturbance \
+	study-stated-noise clean
 
 PY := .venv/bin/python
 # The build belongs to .venv, whatever environment the shell is in.
@@ -92,6 +93,9 @@ study-tuning: setup ## tuned settings against the best in hindsight
 
 study-promise: setup ## whether later errors stay in the range that tune promises
 	$(PY) studies/promise.py
+
+study-stated-noise: setup ## what tune makes of outputs noisier than recorded
+	$(PY) studies/stated_noise.py
 
 study-sensitivity: setup ## errors over mu, rho, M, rank and noise on the 3-DOF case
 	$(PY) studies/sensitivity.py

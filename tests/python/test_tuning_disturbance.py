@@ -97,6 +97,8 @@ def test_what_is_tried_beside_the_default_rule(tuned):
     fits = {"recorded": "recorded", "scaled": "none"}[default]
     assert (own["weights"], own["disturbance"]) == (default, fits)
     assert ("takes the weights of the recording" in found.words) == (default == "recorded")
+    # a curved surrogate that nothing drives is not a linear motion that noise drives
+    assert default == "scaled" or found.table["rehearsed"].isna().all()
 
 
 def test_the_default_rule_is_no_worse_later_than_what_is_chosen(tuned):
@@ -111,6 +113,18 @@ def test_the_returned_settings_are_the_estimator_that_was_scored(tuned):
     scored = ddmhe.DdMhe(history, **found.candidates[0], start=found.start)
     again = ddmhe.DdMhe(history, **found.settings, start=found.start)
     np.testing.assert_array_equal(scored.run(outputs).x, again.run(outputs).x)
+
+
+def test_states_that_show_no_disturbance_are_tuned():
+    """Recorded exactly, of a decay that nothing drives: a disturbance cannot be asked for."""
+    x = 0.98 ** np.arange(101.0)[:, None]
+    y = x[:-1] + 0.05 * np.random.default_rng(0).standard_normal((100, 1))
+    history = ddmhe.History(x[:51], y[:50])
+    found = ddmhe.tune(history, progress=False)
+    asked = found.table["disturbance"].isin(["recorded", "residual"]) & ~found.table["default"]
+    assert asked.any()
+    assert not np.isfinite(found.table["rated"][asked]).any()
+    assert error(history, found.settings, y[50:], x[51:]) < 1.0
 
 
 def test_disturbances_are_scored_as_estimators_fitted_by_hand(tuned):

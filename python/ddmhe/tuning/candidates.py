@@ -10,13 +10,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ddmhe._core import DEFAULT_RHO, DdMhe, Ridge, Truncated
+from ddmhe._core import DEFAULT_RHO, DdMhe, DdmheError, Ridge, Truncated
 from ddmhe.tuning.disturbance import stated_noise
 from ddmhe.tuning.folds import Recorded
 
 Array = NDArray[np.float64]
 
-__all__ = ["HIDDEN", "LAMBDA", "Candidate", "candidates_for"]
+__all__ = ["LAMBDA", "Candidate", "candidates_for"]
 
 HIDDEN = 1e-2
 """A default λ/μ above this (a third of the variance unexplained) means hidden states: other
@@ -79,7 +79,7 @@ class Candidate:
     @property
     def weights(self) -> str:
         """The cost is weighed by scales, or by the noise of the recording."""
-        return str(self.given.get("weights", "scaled"))
+        return str(self.given.get("weights", "scaled" if self.given else "recorded"))
 
     @property
     def disturbance(self) -> str:
@@ -99,9 +99,13 @@ class Candidate:
         return math.nan if self.rehearsals is None else float(np.mean(self.rehearsals))
 
 
-def candidates_for(recorded: Recorded) -> tuple[list[Candidate], float]:
+def candidates_for(recorded: Recorded) -> tuple[list[Candidate], bool]:
     """The default rule, fitted disturbances beside it, and a grid, with and without the equilibrium
-    if it can be used; and the λ/μ of the default rule's ridge."""
+    if it can be used; and whether surrogates can stand in for the recorded motion.
+
+    They cannot for hidden states, nor where the default rule takes the weights of the recording:
+    there the motion is linear and noise drives it, while surrogates are curved, and nothing drives
+    them: they prefer whatever trusts the outputs most."""
     history, equilibrium = recorded.history, recorded.equilibrium
     ridge = DdMhe(history, start="recording", weights="scaled")
     reference = max(ridge.ridge / ridge.mu, LAMBDA[0])
@@ -124,7 +128,7 @@ def candidates_for(recorded: Recorded) -> tuple[list[Candidate], float]:
             if not hidden:
                 for rank in range(history.n, history.n + 3):
                     found.append(Candidate(given | {"space": Truncated(rank)}, M, level))
-    return found, reference
+    return found, not hidden and found[0].weights == "scaled"
 
 
 def _beside(recorded: Recorded, ridge: DdMhe) -> list[Candidate]:
@@ -141,7 +145,7 @@ def _beside(recorded: Recorded, ridge: DdMhe) -> list[Candidate]:
     forms = [Candidate(given, ridge.horizon, ridge.mu) for given in scaled]
     if default.weights == "recorded":
         weights: dict[str, Any] = {"weights": "recorded"}
-        own = [Candidate(weights, default.horizon, math.nan)]
+        own = [Candidate(_named(recorded, weights), default.horizon, math.nan)]
         stated = stated_noise(recorded)
         if stated is not None:
             Q, times = stated
@@ -152,3 +156,13 @@ def _beside(recorded: Recorded, ridge: DdMhe) -> list[Candidate]:
         forms = own + forms
     forms[0].default = True
     return forms
+
+
+def _named(recorded: Recorded, weights: dict[str, Any]) -> dict[str, Any]:
+    """These weights; nothing where the default rule alone takes them: they cannot be asked for by
+    name of states that show no disturbance."""
+    try:
+        DdMhe(recorded.history, start="recording", **weights)
+    except DdmheError:
+        return {}
+    return weights

@@ -17,7 +17,7 @@ from threadpoolctl import threadpool_limits
 from ddmhe._core import History, RankError, check_settings, validate
 from ddmhe.checks import check_flag, check_history
 from ddmhe.tuning.arguments import extra_noise
-from ddmhe.tuning.candidates import HIDDEN, Candidate, candidates_for
+from ddmhe.tuning.candidates import Candidate, candidates_for
 from ddmhe.tuning.folds import Fold, Recorded, ends_of, quarters, whole
 from ddmhe.tuning.rehearsals import DRAWS, rehearsals_of
 from ddmhe.tuning.result import Tuning, tuning_of
@@ -101,11 +101,11 @@ class Search:
 
     def through(self, report: Callable[[int, int], object]) -> Tuning:
         """All of it; `report` is told (parts done, parts in all)."""
-        candidates, reference = candidates_for(self.recorded)
+        candidates, rehearsed = candidates_for(self.recorded)
         self.order = sorted(candidates, key=lambda c: (c is not candidates[0], c.horizon))
         self.ends = ends_of(self.recorded)
         folds = [whole(self.recorded), *quarters(self.recorded)]
-        parts = 0 if reference > HIDDEN else DRAWS
+        parts = DRAWS if rehearsed else 0
         if parts:
             total = parts + len(candidates) * (len(folds) + DRAWS)
             self.rehearsals = rehearsals_of(self.recorded, lambda done: report(done, total))
