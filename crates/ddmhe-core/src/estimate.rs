@@ -48,6 +48,17 @@ pub struct Log {
     pub iterations: Vec<u32>,
 }
 
+impl Log {
+    /// Room for so many steps of n states.
+    pub(crate) fn reserve(&mut self, steps: usize, n: usize) {
+        self.x.reserve_exact(steps * n);
+        self.cost.reserve_exact(steps);
+        self.status.reserve_exact(steps);
+        self.active.reserve_exact(steps);
+        self.iterations.reserve_exact(steps);
+    }
+}
+
 /// [`Status`](ddmhe_run::Status) as its code.
 mod status {
     use ddmhe_run::Status;

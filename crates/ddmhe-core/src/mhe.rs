@@ -136,6 +136,7 @@ impl DdMhe {
         check_measured("Y", ys, p)?;
         self.check_inputs("U", us, ys.len() / p)?;
         let mut log = Log::default();
+        log.reserve(ys.len() / p, self.n());
         let mut interrupt = Interrupt::new(stop);
         let steps = ys.len() / p;
         let alone = self.run.may_be_alone(&self.design);

@@ -217,19 +217,20 @@ impl<B: AsRef<[f64]> + AsMut<[f64]>> Memory<B> {
     ) -> Option<f64> {
         let kalman = shared.kalman.as_ref()?;
         let usual = self.missing == 0 && self.filtering.goes_on(depth);
-        let mut outputs = shared.output_deviations(y);
-        if !usual || !outputs.all(|y| y.abs() <= tol::MEASURABLE) {
+        if !usual {
             return None;
         }
-        self.push_output(shared.output_deviations(y));
+        let missing = self.push_output(shared.output_deviations(y));
         self.push_input(shared.input_deviations(u));
         let at = self.stretches();
         self.filtering.step_ahead(self.block.as_mut(), at, kalman, [1, 1]);
         let next = self.filtering.ahead(self.block.as_ref(), self.states.width);
-        if !next.iter().all(|x| x.abs() <= tol::MEASURABLE) {
+        // NaN where an output was not measured
+        if !next.iter().fold(true, |near, x| near & (x.abs() <= tol::MEASURABLE)) || missing > 0 {
             self.outputs.retract();
             self.inputs.retract();
             self.filtering.retract();
+            self.missing -= missing;
             return None;
         }
         for (i, (to, next)) in x.iter_mut().zip(next).enumerate() {
