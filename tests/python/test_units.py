@@ -159,11 +159,24 @@ def test_a_channel_that_hardly_moves_does_not_blow_up_its_noise():
     assert beside(rounding[: len(y)], rounding[len(y) :]) < 1e-6
     # whose unit is that of the other: next to nothing in it is next to nothing
     noise = 1e-6 * rng.standard_normal((len(y) + len(outputs), 1))
-    noisy, still = (
-        run(x, np.hstack([y, part[: len(y)]]), np.hstack([outputs, part[len(y) :]]), y_units="V")
-        for part in (noise, 0 * noise)
-    )
-    assert np.sqrt(np.mean((noisy - still) ** 2)) / alone < 1e-4
+
+    def moved(**settings):
+        noisy, still = (
+            run(
+                x,
+                np.hstack([y, part[: len(y)]]),
+                np.hstack([outputs, part[len(y) :]]),
+                y_units="V",
+                **settings,
+            )
+            for part in (noise, 0 * noise)
+        )
+        return np.sqrt(np.mean((noisy - still) ** 2)) / alone
+
+    assert moved(weights="scaled") < 1e-4
+    # the weights of the recording know the noise of every output, in any unit: what is left is what
+    # its regression on the state finds by chance, 1/T of what the state tells
+    assert moved() < 0.1
 
 
 @pytest.mark.parametrize(

@@ -161,6 +161,12 @@ impl Driving {
         scaling.s_x.iter().enumerate().map(unit).collect()
     }
 
+    /// Variances of the outputs' noise (p), NaN for one at rest.
+    pub fn told_noise(&self, scaling: &Scaling) -> Vec<f64> {
+        let told = |(R, moved): (&f64, &bool)| if *moved { *R } else { f64::NAN };
+        self.R.iter().zip(&scaling.moved[1]).map(told).collect()
+    }
+
     /// W for disturbances in the user's units (n × n, by rows).
     pub fn whitening(&self, scaling: &Scaling) -> Vec<f64> {
         let n = self.Q.nrows();

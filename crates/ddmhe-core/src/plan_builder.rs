@@ -291,7 +291,8 @@ impl Ground {
     ) -> Self {
         let (M, n, p) = (sizes.horizon, sizes.n, sizes.p);
         let of_w = driving.map_or(vec![1.0], |driving| driving.units(scaling));
-        let price = driving.map_or(0.0, |driving| weights.price(&driving.R) * weights.unit);
+        let price = driving
+            .map_or(0.0, |driving| weights.price(&driving.told_noise(scaling)) * weights.unit);
         let common = Common {
             margins: [&scaling.unit_x, &scaling.unit_y, &of_w].map(|units| Margin::new(units)),
             rho: weights.rho,

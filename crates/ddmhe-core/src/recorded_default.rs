@@ -57,6 +57,9 @@ pub(crate) fn recorded(
     if !rule.noisy {
         return Err("the recording shows no noise".into());
     }
+    if scaling.misfit(&scaling.one_step)[0] < EXACT {
+        return Err("the recorded states show no disturbance".into());
+    }
     let unknowns = history.n() + history.m();
     if let Some(needed) = rule.needed(unknowns, None).filter(|needed| history.T() < *needed) {
         return Err(format!("{needed} outputs would tell noise from motion, not {}", history.T()));
@@ -94,7 +97,10 @@ pub(crate) fn recorded(
     }
     let driving = Driving::of_recording(scaling, model, (noise.Q, noise.R))
         .map_err(|error| error.to_string())?;
-    let nis = driving.filter().map_or(f64::NAN, |filter| replayed(history, scaling, &filter));
+    let outputs: Vec<usize> =
+        told.iter().filter_map(|channel| channel.checked_sub(history.n())).collect();
+    let nis =
+        driving.filter().map_or(f64::NAN, |filter| replayed(history, scaling, (&filter, &outputs)));
     if !(NIS.0..=NIS.1).contains(&nis) {
         return Err(format!(
             "the filter's innovations in the recording have {nis:.2} of the variance that it states \
@@ -178,8 +184,8 @@ fn curvature(
 }
 
 /// Mean square of the innovations that the filter has in its own recording, from each first
-/// recorded state on.
-fn replayed(history: &History, scaling: &Scaling, filter: &Filter) -> f64 {
+/// recorded state on; of these outputs: others are at rest.
+fn replayed(history: &History, scaling: &Scaling, (filter, outputs): (&Filter, &[usize])) -> f64 {
     let (n, p, m) = (history.n(), history.p(), history.m());
     let (mut sum, mut count) = (0.0, 0.0_f64);
     for i in 0..history.recordings() {
@@ -196,8 +202,8 @@ fn replayed(history: &History, scaling: &Scaling, filter: &Filter) -> f64 {
                 filter.offset[i]
                     + known.iter().enumerate().map(|(j, v)| filter.ahead[(i, j)] * v).sum::<f64>()
             };
-            sum += (n..n + p).map(|i| row(i).powi(2)).sum::<f64>();
-            count += p as f64;
+            sum += outputs.iter().map(|i| row(n + i).powi(2)).sum::<f64>();
+            count += outputs.len() as f64;
             x = (0..n).map(row).collect();
         }
     }

@@ -189,7 +189,7 @@ impl TrajectorySpace {
             coordinates: G.ncols(),
             rows: beside(own, &W, &|_, _| 0.0),
             units: driving.units(scaling),
-            variances: driving.R.clone(),
+            variances: driving.told_noise(scaling),
         });
         self
     }

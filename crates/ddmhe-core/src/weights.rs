@@ -158,11 +158,13 @@ impl Weights {
     /// Mean over the output channels of their weight times these variances.
     pub fn mean_cost(&self, variances: &[f64]) -> f64 {
         let costs = variances.iter().enumerate().map(|(i, variance)| self.R[(i, i)] * variance);
-        costs.sum::<f64>() / variances.len() as f64
+        let told = costs.filter(|cost| !cost.is_nan());
+        let (sum, count) = told.fold((0.0, 0.0), |(sum, count), cost| (sum + cost, count + 1.0));
+        sum / f64::max(count, 1.0)
     }
 
     /// Cost of a fitted disturbance of its own deviation: that of a fitted noise of its own, of these
-    /// variances.
+    /// variances; NaN for an output at rest, which has none.
     pub fn price(&self, variances: &[f64]) -> f64 {
         if self.of_noise { 1.0 } else { self.mean_cost(variances) }
     }
