@@ -151,7 +151,7 @@ fn lengths_can_be_counted_in_32_bits() {
     }
     let mut rng = ChaCha8Rng::seed_from_u64(3);
     let (mut countable, mut most) = (0, 0);
-    for _ in 0..40_000 {
+    for _ in 0..60_000 {
         // of every magnitude up to what a header may say
         let five = std::array::from_fn(|_| 2_f64.powf(rng.random_range(0.0..19.9)) as usize);
         let sizes = sizes(five, rng.random_range(0..256));

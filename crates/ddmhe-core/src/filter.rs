@@ -15,7 +15,7 @@ use crate::excitation::check_excitation;
 use crate::first_window::filled;
 use crate::history::History;
 use crate::magnitude::{check_ridge, check_weights};
-use crate::mhe::Signals;
+use crate::mhe::{DdMhe, Signals};
 use crate::reduction::gain;
 use crate::response::OwnResponse;
 use crate::scaling::Scaling;
@@ -58,6 +58,8 @@ pub(crate) struct Filters<'a> {
     response: Option<OwnResponse>,
     horizon: usize,
     settings: Vec<Option<Setting>>, // None: it cannot be used here
+    // where the recording chooses its own weights: a filter already
+    general: Option<DdMhe>,
 }
 
 impl<'a> Filters<'a> {
@@ -80,12 +82,25 @@ impl<'a> Filters<'a> {
             let (horizon, rested) = (design.settings.horizon, design.settings.equilibrium_used);
             let scales = (&design.scaling, design.response.as_ref());
             let rest = config.rest().filter(|_| rested);
-            let mut windows = Windows::new(history, scales, horizon, rest);
-            windows.stack = windows.stack.driven_by(design.driving.as_ref());
+            if design.driving.is_some() {
+                let general = Some(DdMhe::new(history, config.clone())?);
+                let (scaling, settings) = (design.scaling.clone(), vec![None]);
+                return Ok(Filters {
+                    history,
+                    config,
+                    scaling,
+                    response: None,
+                    horizon,
+                    settings,
+                    general,
+                });
+            }
+            let windows = Windows::new(history, scales, horizon, rest);
             let settings = vec![windows.setting(design.weights.clone(), design.selection)];
             let settings = windows.deepened(settings, config, &going);
             let Design { scaling, response, .. } = design;
-            return Ok(Filters { history, config, scaling, response, horizon, settings });
+            let general = None;
+            return Ok(Filters { history, config, scaling, response, horizon, settings, general });
         };
         let (scaling, rule) = prepared(history, config)?;
         check_excitation(history, horizon)?;
@@ -94,7 +109,8 @@ impl<'a> Filters<'a> {
         let windows = Windows::new(history, scales, horizon, rest.filter(|_| rule.noisy));
         let setting = |config: &&Config| going().then(|| windows.guarded(config, &rule)).flatten();
         let settings = windows.deepened(configs.iter().map(setting).collect(), config, &going);
-        Ok(Filters { history, config, scaling, response, horizon, settings })
+        let general = None;
+        Ok(Filters { history, config, scaling, response, horizon, settings, general })
     }
 
     /// Spectral radius of setting `k` and its estimates (N·n) of outputs (N·p) and inputs (N·m), from
@@ -105,6 +121,12 @@ impl<'a> Filters<'a> {
         x_prior: &[f64],
         Signals { y: outputs, u }: Signals<'_>,
     ) -> Option<(f64, Vec<f64>)> {
+        if let Some(general) = &self.general {
+            let mut mhe = general.clone();
+            mhe.reset((self.config.start == Start::State).then_some(x_prior)).ok()?;
+            let log = mhe.run_until(Signals { y: outputs, u }, &mut || false).ok()?;
+            return Some((mhe.spectral_radius(), log.x));
+        }
         let setting = self.settings[k].as_ref()?;
         let (n, p) = (self.history.n(), self.history.p());
         let last = self.history.recordings() - 1;
@@ -212,9 +234,8 @@ impl<'a> Windows<'a> {
 
     fn gain(&self, depth: usize, weights: &Weights, selection: &Selection) -> Option<Gain> {
         let (n, p) = (self.history.n(), self.history.p());
-        let space = self.stack.space(depth, selection);
-        let layout = Layout { n, p, depth, driven: space.driven.is_some() };
-        Gain::new(layout, &space, weights)
+        let layout = Layout { n, p, depth, driven: false };
+        Gain::new(layout, &self.stack.space(depth, selection), weights)
     }
 }
 

@@ -200,8 +200,9 @@ impl<B: AsRef<[f64]> + AsMut<[f64]>> Memory<B> {
         if !tail.is_empty() {
             self.filtering.losses.set_tail(self.block.as_mut(), tail);
         }
-        if let Some(kalman) = shared.kalman.as_ref().filter(|_| chain) {
-            self.filtering.chain(self.block.as_mut(), at, kalman);
+        match &shared.kalman {
+            Some(kalman) if chain => self.filtering.chain(self.block.as_mut(), at, kalman),
+            _ => self.filtering.unchain(),
         }
     }
 

@@ -54,7 +54,7 @@ impl Filtering {
             ahead,
             predicted,
             whitened,
-            chain: true,
+            chain: width > 0,
             unfiltered: 0,
             depth: 0,
             found: None,
@@ -64,7 +64,8 @@ impl Filtering {
 
     pub fn clear(&mut self) {
         self.innovations.clear();
-        (self.chain, self.unfiltered, self.depth, self.found) = (true, 0, 0, None);
+        self.chain = self.innovations.width > 0;
+        (self.unfiltered, self.depth, self.found) = (0, 0, None);
         self.losses.clear();
     }
 
