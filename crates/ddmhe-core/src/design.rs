@@ -290,7 +290,7 @@ impl Source<'_> {
             recorded: driving.is_some_and(|driving| driving.stationary.is_some()),
             centered: config.x_center == Center::History,
             plain_noise: config.certificate.is_none(),
-            prices: config.soft.unwrap_or_default().prices(),
+            prices: config.soft.unwrap_or_default().prices(driving.is_some()),
         };
         let boxes = [&config.x_bounds, &config.v_bounds, &config.w_bounds].map(Option::as_ref);
         let x_prior = config.x_prior.as_deref();

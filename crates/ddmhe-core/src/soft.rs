@@ -24,10 +24,10 @@ impl Soft {
         Soft { x: Some(price), v: Some(price), w: Some(price) }
     }
 
-    /// 0 for hard bounds.
-    pub(crate) fn prices(self) -> Prices {
+    /// 0 for hard bounds, and for those on a disturbance that is not fitted.
+    pub(crate) fn prices(self, driven: bool) -> Prices {
         let [x, v, w] = [self.x, self.v, self.w].map(|price| price.unwrap_or(0.0));
-        Prices { x, v, w }
+        Prices { x, v, w: if driven { w } else { 0.0 } }
     }
 
     /// Positive finite prices, at least one of bounds that there are; `bounded`: whether there are

@@ -17,7 +17,7 @@
 //! a step is one product with n + p rows. All in scaled deviations.
 
 use crate::active_set::factor::{cholesky, solve_lower, solve_transposed};
-use crate::panels::{Panels, axpy, dot, padded, panels_len};
+use crate::panels::{Panels, axpy, dot, padded, panels_len, square};
 use crate::plan::span::{Cursor, Span};
 
 /// Where the matrices are.
@@ -133,7 +133,7 @@ impl Filtered<'_> {
     #[inline(always)]
     pub fn cost(&self) -> f64 {
         match self {
-            Filtered::Settled { innovations, .. } => dot(innovations, innovations),
+            Filtered::Settled { innovations, .. } => square(innovations),
             Filtered::Losses { cost, .. } => *cost,
         }
     }

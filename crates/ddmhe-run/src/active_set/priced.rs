@@ -104,6 +104,7 @@ struct Extended<'p, 'a, 'm, W: Windows> {
     slot: &'m mut [f64], // of each row, from 1 on; 0: none
     row: &'m mut [f64],  // of each slot
     slots: usize,
+    most: usize, // rows that may be left
     changes: u32,
 }
 
@@ -123,7 +124,8 @@ impl<'p, 'a, 'm, W: Windows> Extended<'p, 'a, 'm, W> {
         slot.fill(0.0);
         let work = Work::new(memory, r + soft);
         let sides = Sides::new(codes, count);
-        let extended = Extended { problem, work, sides, lo, hi, slot, row, slots: 0, changes: 0 };
+        let (slots, most, changes) = (0, soft, 0);
+        let extended = Extended { problem, work, sides, lo, hi, slot, row, slots, most, changes };
         extended.work.t.fill(0.0);
         extended
     }
@@ -173,9 +175,14 @@ impl<'p, 'a, 'm, W: Windows> Extended<'p, 'a, 'm, W> {
         slack.map_or(f64::INFINITY, |slack| slack.cap)
     }
 
-    /// Gives a row a slot, with s on its floor, which is not active.
+    /// Gives a row a slot, with s on its floor, which is not active. Numbers that let a row be left
+    /// which has a slot, or may not be, are not certain: no change is left then.
     fn leave(&mut self, row: usize) {
-        let Some(slack) = self.problem.slack(row) else { return };
+        let new = row < self.slot.len() && self.slot[row] == 0.0 && self.slots < self.most;
+        let Some(slack) = new.then(|| self.problem.slack(row)).flatten() else {
+            self.changes = u32::MAX - 1;
+            return;
+        };
         self.row[self.slots] = row as f64;
         self.slots += 1;
         self.slot[row] = self.slots as f64;

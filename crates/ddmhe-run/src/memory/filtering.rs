@@ -3,7 +3,7 @@
 use crate::kalman::{Filtered, Kalman};
 use crate::memory::losses::Losses;
 use crate::memory::stretches::{Stretches, samples};
-use crate::panels::{dot, padded};
+use crate::panels::{padded, square};
 use crate::plan::common::Sizes;
 use crate::sliding::SlidingBuffer;
 use crate::tol;
@@ -212,8 +212,7 @@ impl Filtering {
     #[inline(always)]
     pub fn cost(&mut self, block: &[f64], depth: usize) -> f64 {
         (self.unfiltered, self.depth) = (0, depth);
-        let innovations = &block[self.innovations.last(depth)];
-        dot(innovations, innovations)
+        square(&block[self.innovations.last(depth)])
     }
 
     /// The newest output is taken back.

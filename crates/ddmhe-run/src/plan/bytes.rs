@@ -117,7 +117,8 @@ impl Common {
         let bits = known_flags(numbers[11], 8)?;
         let [x, v, w] = [0, 1, 2].map(|i| numbers[PRICES + i]);
         let prices = Prices { x, v, w };
-        if !prices.valid() || prices.any() != bit(bits, 7) {
+        let nothing = prices.w > 0.0 && !bit(bits, 5); // to be left
+        if !prices.valid() || prices.any() != bit(bits, 7) || nothing {
             return None;
         }
         let (m, lag) = (whole(numbers[20])?, whole(numbers[21])?);
