@@ -184,6 +184,7 @@ impl Run {
     }
 
     /// Another window.
+    #[cold]
     fn refill(&mut self, design: &Design, window: &Samples) {
         self.memory.clear();
         for x in window.states.chunks_exact(design.history.n()) {

@@ -245,7 +245,7 @@ impl<B: AsRef<[f64]> + AsMut<[f64]>> Memory<B> {
     }
 
     /// An entry beyond [`MEASURABLE`](tol::MEASURABLE) counts as not measured. Returns how many do.
-    #[inline]
+    #[inline(always)]
     pub fn push_output(&mut self, y: impl Iterator<Item = f64>) -> usize {
         let at = self.outputs.next(self.block.as_mut());
         let mut missing = 0;
@@ -331,7 +331,7 @@ impl<B: AsRef<[f64]> + AsMut<[f64]>> Memory<B> {
     }
 
     /// Forgets the oldest output with its inputs, and the oldest state.
-    #[inline]
+    #[inline(always)]
     pub fn forget(&mut self, shared: &Shared<'_>) {
         if let Some(kalman) = &shared.kalman {
             let at = self.stretches();
@@ -379,7 +379,7 @@ impl<B: AsRef<[f64]> + AsMut<[f64]>> Memory<B> {
     /// The window's x̄ and outputs, and the room for a step.
     #[inline(always)]
     pub fn parts(&mut self) -> Parts<'_> {
-        let missing = self.stretches().missing(self.block.as_ref());
+        let missing = self.missing > 0 && self.stretches().missing(self.block.as_ref());
         let (states, outputs) = (self.states.last(self.depth), self.outputs.last(self.depth));
         let (outputs, means) = match self.inputs.width {
             0 => (outputs, None),
@@ -391,10 +391,13 @@ impl<B: AsRef<[f64]> + AsMut<[f64]>> Memory<B> {
                 (free..free + outputs.len(), Some(x..x + states))
             }
         };
-        let (filtered, lacking) = (
-            self.filtering.filtered(self.stretches()),
-            self.filtering.losses.loss(self.states.width),
-        );
+        let (filtered, lacking) = match self.filtering.is_used() {
+            false => (None, None),
+            true => (
+                self.filtering.filtered(self.stretches()),
+                self.filtering.losses.loss(self.states.width),
+            ),
+        };
         let (window, room) = self.block.as_mut().split_at_mut(self.scratch);
         let (unconstrained, room) = room.split_at_mut(self.room.rank);
         let (z, room) = room.split_at_mut(self.room.rank);

@@ -24,6 +24,7 @@
 
 use crate::estimate::Estimate;
 use crate::fallback::{Alone, Fallback};
+use crate::kalman::Kalman;
 use crate::memory::{Memory, Parts, memory_len};
 use crate::panels::Root;
 use crate::plan::bytes::{Plan, PlanError};
@@ -98,11 +99,7 @@ impl<B: AsRef<[f64]> + AsMut<[f64]>, F: Fallback> Pass<'_, B, F> {
             );
         }
         if let Some(kalman) = &shared.kalman {
-            let (memory, filtered) = (&mut *self.memory, self.problem.depth.kind.filtered);
-            self.fallback.vectorised(
-                #[inline(always)]
-                || memory.filter(kalman, filtered),
-            );
+            self.filter(kalman);
         }
         let solution = self.minimise(out);
         if shared.sizes.recorded && !solution.filtered {
@@ -134,6 +131,16 @@ impl<B: AsRef<[f64]> + AsMut<[f64]>, F: Fallback> Pass<'_, B, F> {
             #[inline(always)]
             || memory.filter_alone(shared, (y, u), (depth.layout.depth, x)),
         )
+    }
+
+    /// The window as a filter has it, with the weights of the recording.
+    #[inline(never)]
+    fn filter(&mut self, kalman: &Kalman<'_>) {
+        let (memory, filtered) = (&mut *self.memory, self.problem.depth.kind.filtered);
+        self.fallback.vectorised(
+            #[inline(always)]
+            || memory.filter(kalman, filtered),
+        );
     }
 
     /// What was found becomes the past: x̂(t) into memory. Where it is not optimal it is moved into

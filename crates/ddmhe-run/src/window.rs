@@ -19,7 +19,6 @@
 use crate::active_set::problem::{LeastDistance, Trust, Windows};
 use crate::active_set::working_set::WorkingSet;
 use crate::fallback::{Fallback, decide};
-use crate::kalman::Filtered;
 use crate::panels::{WIDTH, each, margins, padded, scaled_difference, smaller, sum};
 use crate::plan::common::Limits;
 use crate::prices::RowPrices;
@@ -43,8 +42,7 @@ impl WindowProblem<'_> {
         working.predict(|row| layout.older(row));
         let found = self.minimise(fallback, data, (working, scratch), fit.v)?;
         working.adapt(|row| layout.older(row));
-        let filtered = data.filtered.filter(|_| found.filtered);
-        let mut cost = self.hand_over(data, scratch, (fit, filtered));
+        let mut cost = self.hand_over(data, scratch, (fit, found.filtered));
         if self.shared.soft {
             cost += found.cost;
         }
@@ -68,17 +66,17 @@ impl WindowProblem<'_> {
             working.clear();
         }
         let mut changed = false;
-        let filtered = data.filtered.filter(|_| working.sides.is_empty() || !bounded);
-        if let Some(filtered) = filtered {
-            self.smoothed(filtered, data, s);
+        let filtered = data.filtered.is_some() && (working.sides.is_empty() || !bounded);
+        if filtered {
+            self.smoothed(data, s);
         } else if data.is_reweighted() {
             changed = self.without_missing(data, s)?;
         } else {
             self.minimiser(data.prior, data.outputs, s.unconstrained);
         }
-        let optimal = |active| Some(optimal(active, filtered.is_some()));
+        let optimal = |active| Some(optimal(active, filtered));
         if working.sides.is_empty() || !bounded {
-            if filtered.is_none() {
+            if !filtered {
                 self.window(&s.unconstrained[..self.depth.rank], s.window);
             }
             self.residual(data.outputs, s.window, v);
@@ -99,9 +97,9 @@ impl WindowProblem<'_> {
         if margin >= -tol::FEASIBLE {
             return optimal(self.count_active(s));
         }
-        if filtered.is_some() && data.is_reweighted() {
+        if filtered && data.is_reweighted() {
             changed = self.without_missing(data, s)?;
-        } else if filtered.is_some() {
+        } else if filtered {
             self.minimiser(data.prior, data.outputs, s.unconstrained);
         }
         if self.shared.soft {
@@ -243,21 +241,22 @@ impl WindowProblem<'_> {
         &self,
         data: &Data<'_>,
         s: &mut Scratch<'_>,
-        (fit, filtered): (Fit<'_>, Option<Filtered<'_>>),
+        (fit, filtered): (Fit<'_>, bool),
     ) -> f64 {
         self.in_user_units(s.window, data.means, fit.states);
         if self.depth.layout.driven {
             fit.w.copy_from_slice(self.disturbances(s.window));
         }
-        match filtered {
-            Some(filtered) => filtered.cost(),
-            None => self.cost(data, s, fit.v),
+        match &data.filtered {
+            Some(own) if filtered => own.cost(),
+            _ => self.cost(data, s, fit.v),
         }
     }
 
-    /// The filter's window into the scratch.
-    fn smoothed(&self, filtered: Filtered<'_>, data: &Data<'_>, s: &mut Scratch<'_>) {
-        let Some(kalman) = &self.shared.kalman else { return };
+    /// The filter's window into the scratch: apart, for the registers of the steps that have none.
+    #[inline(never)]
+    fn smoothed(&self, data: &Data<'_>, s: &mut Scratch<'_>) {
+        let (Some(kalman), Some(filtered)) = (&self.shared.kalman, data.filtered) else { return };
         let layout = self.depth.layout;
         let (n, p) = (layout.n, layout.p);
         let (first, second) = (layout.split(), layout.second_split());
@@ -328,7 +327,7 @@ impl WindowProblem<'_> {
         let offset = self.rows.offset;
         s.window[..offset.len()].copy_from_slice(offset);
         self.residual(data.outputs, s.window, fit.v);
-        let cost = self.hand_over(data, s, (fit, None));
+        let cost = self.hand_over(data, s, (fit, false));
         WindowSolution { sound: true, cost, ..WindowSolution::default() }
     }
 }

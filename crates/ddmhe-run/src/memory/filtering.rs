@@ -69,6 +69,12 @@ impl Filtering {
         self.losses.clear();
     }
 
+    /// Whether there is a filter.
+    #[inline(always)]
+    pub fn is_used(&self) -> bool {
+        self.innovations.width > 0
+    }
+
     /// Room for ν of a new output.
     pub fn push(&mut self, block: &mut [f64]) {
         if self.innovations.width > 0 {
