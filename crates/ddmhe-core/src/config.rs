@@ -174,6 +174,17 @@ impl Config {
         validate(history, self)
     }
 
+    /// The disturbance that is fitted, with `Auto` decided.
+    pub(crate) fn disturbance_to_fit(&self) -> &ProcessNoise {
+        match &self.process_noise {
+            ProcessNoise::Auto if self.weighting() == Weighting::Recorded => {
+                &ProcessNoise::Recorded
+            }
+            ProcessNoise::Auto => &ProcessNoise::None,
+            given => given,
+        }
+    }
+
     /// Whether there are bounds on the states, on the fitted noise and on the fitted disturbance.
     pub(crate) fn bounded(&self) -> [bool; 3] {
         [&self.x_bounds, &self.v_bounds, &self.w_bounds].map(Option::is_some)
@@ -284,14 +295,11 @@ fn check_process_noise(config: &Config, n: usize) -> Result<(), Error> {
     if recorded {
         check_beside_recorded(config)?;
     }
-    let none = match &config.process_noise {
-        ProcessNoise::Auto => !recorded,
-        ProcessNoise::None if recorded => {
-            let expected = "a disturbance beside weights = \"recorded\"";
-            return Err(Error::value("process_noise", expected, "none"));
-        }
-        given => *given == ProcessNoise::None,
-    };
+    let none = *config.disturbance_to_fit() == ProcessNoise::None;
+    if none && recorded {
+        let expected = "a disturbance beside weights = \"recorded\"";
+        return Err(Error::value("process_noise", expected, "none"));
+    }
     if let ProcessNoise::Given(Q) = &config.process_noise {
         check_covariance("process_noise", Q, n)?;
     }

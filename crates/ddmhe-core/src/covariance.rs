@@ -4,7 +4,7 @@ use crate::check::check_vector;
 use crate::error::Error;
 use crate::history::History;
 use crate::scaling::Scaling;
-use faer::{Mat, Side};
+use faer::{Mat, MatRef, Side};
 
 /// Covariance of the recorded states, in scaled units, with enough of a diagonal to have an
 /// inverse.
@@ -30,6 +30,15 @@ pub(crate) fn inverse_factor(S: &Mat<f64>) -> Option<Mat<f64>> {
     let mut U = Mat::from_fn(n, n, |i, j| if i == j { 1.0 } else { 0.0 });
     llt.L().solve_lower_triangular_in_place(U.as_mut());
     Some(U)
+}
+
+/// L⁻¹ X L⁻ᵀ of a symmetric X, with S = L Lᵀ: what X is in units of S.
+pub(crate) fn in_units_of(L: MatRef<'_, f64>, X: &Mat<f64>) -> Mat<f64> {
+    let mut half = X.clone();
+    L.solve_lower_triangular_in_place(half.as_mut());
+    let mut whole = half.transpose().to_owned();
+    L.solve_lower_triangular_in_place(whole.as_mut());
+    whole
 }
 
 /// A covariance (n·n, by rows): symmetric, positive semidefinite, not 0.

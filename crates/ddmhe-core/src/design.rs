@@ -15,7 +15,7 @@ use crate::history::History;
 use crate::inputs::InputWatch;
 use crate::magnitude::{check_reach, check_ridge, check_scales, check_sizes, check_weights};
 use crate::plan_builder::{Draft, Ground, Prepared, factorisation};
-use crate::process_noise::{driving, wanted};
+use crate::process_noise::driving;
 use crate::recorded_default;
 use crate::remarks::Remarks;
 use crate::response::OwnResponse;
@@ -264,7 +264,7 @@ impl Source<'_> {
                 _ => weights.mu_as_printed(scaling),
             },
             weights: config.weighting(),
-            process_noise: wanted(config).clone(),
+            process_noise: config.disturbance_to_fit().clone(),
             rank: space.undisturbed(),
             lambda: space.lambda,
             equilibrium_used: self.rest.is_some(),
@@ -387,7 +387,7 @@ fn leaves_all_open(config: &Config) -> bool {
         && config.mu.is_none()
         && config.space == Space::Auto
         && config.weighting() == Weighting::Scaled
-        && matches!(config.process_noise, ProcessNoise::Auto | ProcessNoise::None)
+        && *config.disturbance_to_fit() == ProcessNoise::None
 }
 
 /// The scales and the rule of checked settings.

@@ -6,7 +6,7 @@
 //! only share the decomposition of the windows. Numbers agree with [`DdMhe`](crate::DdMhe) to
 //! rounding; what goes beyond numbers that can be computed with is left to it.
 
-use crate::config::{Config, ProcessNoise, Start, Weighting, validate};
+use crate::config::{Config, ProcessNoise, Start, validate};
 use crate::defaults::Defaults;
 use crate::depths::depths;
 use crate::design::{Design, guarded, prepared, select};
@@ -31,8 +31,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 /// are another's.
 pub(crate) fn is_linear(config: &Config) -> bool {
     let bounded = config.x_bounds.is_some() || config.v_bounds.is_some();
-    let driven = !matches!(config.process_noise, ProcessNoise::Auto | ProcessNoise::None)
-        || config.weighting() == Weighting::Recorded;
+    let driven = *config.disturbance_to_fit() != ProcessNoise::None;
     !bounded && !driven && config.certificate.is_none() && config.start != Start::Unknown
 }
 

@@ -12,15 +12,6 @@ use faer::Mat;
 /// Blocks in a window of the horizon, where the weights are not the recording's.
 const BLOCKS: usize = 4;
 
-/// The disturbance that is fitted, with `Auto` decided.
-pub(crate) fn wanted(config: &Config) -> &ProcessNoise {
-    match &config.process_noise {
-        ProcessNoise::Auto if config.weighting() == Weighting::Recorded => &ProcessNoise::Recorded,
-        ProcessNoise::Auto => &ProcessNoise::None,
-        given => given,
-    }
-}
-
 /// What a configuration asks for; None for no disturbance.
 ///
 /// # Errors
@@ -32,7 +23,7 @@ pub(crate) fn driving(
     horizon: usize,
 ) -> Result<Option<Driving>, Error> {
     let recorded = config.weighting() == Weighting::Recorded;
-    let wanted = wanted(config);
+    let wanted = config.disturbance_to_fit();
     if *wanted == ProcessNoise::None {
         return Ok(None);
     }

@@ -6,10 +6,11 @@
 //! [`LEAST_SHARE`] of Γ_s. θ is the one of [`SHARES`] under which the recording itself is most
 //! likely, by a Kalman filter on [x recorded; y].
 
-use crate::covariance::spread;
+use crate::covariance::{in_units_of, spread};
 use crate::history::History;
 use crate::linear_model::LinearModel;
 use crate::scaling::Scaling;
+use crate::variation::least_squares;
 use faer::linalg::solvers::Solve;
 use faer::{Mat, MatRef, Side};
 
@@ -56,11 +57,7 @@ impl RecordedNoise {
     pub fn share_of_states(&self, history: &History, scaling: &Scaling) -> f64 {
         let spread = spread(history, scaling);
         let Ok(L) = spread.llt(Side::Lower) else { return f64::INFINITY };
-        let mut half = self.N.clone();
-        L.L().solve_lower_triangular_in_place(half.as_mut());
-        let mut share = half.transpose().to_owned();
-        L.L().solve_lower_triangular_in_place(share.as_mut());
-        let values = share.self_adjoint_eigenvalues(Side::Lower);
+        let values = in_units_of(L.L(), &self.N).self_adjoint_eigenvalues(Side::Lower);
         values.ok().and_then(|values| values.last().copied()).unwrap_or(f64::INFINITY)
     }
 }
@@ -68,7 +65,7 @@ impl RecordedNoise {
 /// Q, N and R of a share θ.
 fn split(model: &LinearModel, readings: &Readings, share: f64) -> RecordedNoise {
     let (gamma, gamma_s) = (model.of_states(), model.of_outputs());
-    let (n, p) = (gamma.nrows(), gamma_s.nrows());
+    let n = gamma.nrows();
     // N + A N Aᵀ = (1-θ)Γ, entry by entry
     let A = &model.A;
     let equation = Mat::from_fn(n * n, n * n, |row, column| {
@@ -77,13 +74,12 @@ fn split(model: &LinearModel, readings: &Readings, share: f64) -> RecordedNoise 
         own + A[(i, k)] * A[(j, l)]
     });
     let rest = Mat::from_fn(n * n, 1, |row, _| (1.0 - share) * gamma[(row / n, row % n)]);
-    let N = crate::variation::least_squares(&equation, &rest, 0.0);
+    let N = least_squares(&equation, &rest, 0.0);
     let N = positive(&Mat::from_fn(n, n, |i, j| N[(i * n + j, 0)]));
     let explained = &model.C * &N * model.C.transpose();
     let R = noise_left(&gamma_s, &explained, &readings.least_y);
     let mut Q = gamma;
     Q *= faer::Scale(share);
-    debug_assert_eq!(R.len(), p);
     RecordedNoise { Q, N, R }
 }
 
@@ -95,10 +91,7 @@ fn noise_left(gamma_s: &Mat<f64>, explained: &Mat<f64>, least: &[f64]) -> Vec<f6
     let own = || (0..p).map(|i| whole[(i, i)]).collect::<Vec<_>>();
     let Ok(L) = whole.llt(Side::Lower) else { return own() };
     // S = L⁻¹ C N Cᵀ L⁻ᵀ: the share that N explains, in whitened outputs
-    let mut half = explained.clone();
-    L.L().solve_lower_triangular_in_place(half.as_mut());
-    let mut S = half.transpose().to_owned();
-    L.L().solve_lower_triangular_in_place(S.as_mut());
+    let S = in_units_of(L.L(), explained);
     let S = Mat::from_fn(p, p, |i, j| 0.5 * (S[(i, j)] + S[(j, i)]));
     let Ok(eigen) = S.self_adjoint_eigen(Side::Lower) else { return own() };
     let along = L.L() * eigen.U();

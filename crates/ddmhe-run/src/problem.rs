@@ -43,14 +43,6 @@ pub struct Fit<'a> {
     pub w: &'a mut [f64],
 }
 
-impl Fit<'_> {
-    /// The same, lent on.
-    #[inline(always)]
-    pub fn lent(&mut self) -> Fit<'_> {
-        Fit { states: self.states, v: self.v, w: self.w }
-    }
-}
-
 /// Numbers that a step works with, each for the deepest window and the highest rank.
 #[derive(Debug)]
 pub struct Scratch<'a> {

@@ -150,13 +150,10 @@ impl Losses {
     /// one's.
     #[inline]
     pub fn settle_prior(&mut self, block: &mut [f64], at: Stretches, model: &Model<'_>) -> bool {
-        let p = at.outputs.width;
-        let older = at.outputs.len - at.depth;
         let before = at.outputs.window().start..at.outputs.last(at.depth).start;
         let lost = at.missing > 0 && block[before.clone()].iter().any(|y| y.is_nan());
         self.usual = self.settled && !lost;
         if !self.usual {
-            debug_assert_eq!(before.len(), older * p);
             self.follow_prior((block, at.channels()), model, before);
         }
         self.usual
