@@ -23,6 +23,8 @@ from ddmhe._core import (
     DdMhe,
     DdmheError,
     Estimate,
+    Evidence,
+    EvidenceLog,
     Exact,
     History,
     InfeasibleError,
@@ -37,6 +39,7 @@ from ddmhe._core import (
     Zonotope,
     run_many,
 )
+from ddmhe.reasons import Reason
 
 if TYPE_CHECKING:
     from ddmhe import baselines, design, interval, report
@@ -66,6 +69,8 @@ __all__ = [
     "DdMhe",
     "DdmheError",
     "Estimate",
+    "Evidence",
+    "EvidenceLog",
     "Exact",
     "History",
     "InfeasibleError",
@@ -74,6 +79,7 @@ __all__ = [
     "NotFiniteError",
     "RankError",
     "RankReport",
+    "Reason",
     "Ridge",
     "ShapeError",
     "Truncated",

@@ -126,7 +126,7 @@ impl From<Rest<'_>> for Equilibrium {
 
 /// Settings of the estimator; every `None` is set by the documented rule of
 /// [`defaults`](crate::defaults).
-#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Config {
     /// Horizon M ≥ 1.
     pub horizon: Option<usize>,
@@ -162,6 +162,39 @@ pub struct Config {
     /// What is known of the true trajectory: with a certificate, each estimate then carries an
     /// error bound.
     pub disturbance: Option<Disturbance>,
+    /// Standard deviation of the noise of later outputs (p, or one for all); None: what the recording
+    /// has. Evidence alone uses it.
+    pub output_noise: Option<Vec<f64>>,
+    /// Covariance (n·n, by rows) that a sample adds to the error of states which outputs do not show.
+    pub drift: Option<Vec<f64>>,
+    /// Whether estimates carry evidence: a covariance, and reasons not to trust them.
+    pub evidence: bool,
+}
+
+impl Default for Config {
+    fn default() -> Self {
+        Config {
+            horizon: None,
+            rho: None,
+            mu: None,
+            weights: Weighting::default(),
+            x_prior: None,
+            x_bounds: None,
+            x_center: Center::default(),
+            v_bounds: None,
+            process_noise: ProcessNoise::default(),
+            w_bounds: None,
+            soft: None,
+            equilibrium: None,
+            start: Start::default(),
+            space: Space::default(),
+            certificate: None,
+            disturbance: None,
+            output_noise: None,
+            drift: None,
+            evidence: true,
+        }
+    }
 }
 
 impl Config {
@@ -251,6 +284,7 @@ pub(crate) fn validate(history: &History, config: &Config) -> Result<(), Error> 
         check_box("v_bounds", bounds, &[p])?;
     }
     check_process_noise(config, n)?;
+    check_evidence(config, n, p)?;
     if let Some(soft) = config.soft {
         soft.check(config.bounded())?;
     }
@@ -285,6 +319,26 @@ fn check_weights(config: &Config, n: usize, p: usize, m: usize) -> Result<(), Er
         if config.certificate.is_none() {
             return Err(Error::value("disturbance", "a certificate beside it", "none"));
         }
+    }
+    Ok(())
+}
+
+/// What only evidence uses.
+fn check_evidence(config: &Config, n: usize, p: usize) -> Result<(), Error> {
+    let unused = |name: &'static str| Error::value(name, "none without evidence", "some");
+    if let Some(noise) = &config.output_noise {
+        if noise.len() != 1 {
+            check_vector("output_noise", noise, p)?;
+        }
+        if let Some(bad) = noise.iter().find(|sd| !(**sd >= 0.0 && sd.is_finite())) {
+            let expected = "standard deviations, finite and not negative";
+            return Err(Error::value("output_noise", expected, bad));
+        }
+        (config.evidence).then_some(()).ok_or_else(|| unused("output_noise"))?;
+    }
+    if let Some(drift) = &config.drift {
+        check_covariance("drift", drift, n)?;
+        (config.evidence).then_some(()).ok_or_else(|| unused("drift"))?;
     }
     Ok(())
 }

@@ -9,6 +9,8 @@ use crate::depths::{depths, places};
 use crate::driving::Driving;
 use crate::error::Error;
 use crate::error_bound::ErrorBound;
+use crate::evidence::replay::Setup;
+use crate::evidence::{self, Calibration, stated_beyond};
 use crate::excitation::check_excitation;
 use crate::first_window::{filled, first_window};
 use crate::history::History;
@@ -53,6 +55,8 @@ pub(crate) struct Design {
     pub input_watch: InputWatch,
     pub bound: Option<ErrorBound>, // as it starts
     pub centered: bool,
+    pub evidence: Option<Calibration>, // what windows are measured by
+    noise: Option<Vec<f64>>,           // stated beyond the recording's, where there is evidence
 }
 
 impl Design {
@@ -116,6 +120,7 @@ impl Design {
             scaling: &scaling,
             weights: &weights,
             rest,
+            noise: config.evidence.then(|| stated_beyond(config, &scaling)),
         };
         let deepest = source.deepest(&rule, horizon)?;
         let open = leaves_all_open(config) && rest.is_none() && driving.is_none();
@@ -134,10 +139,27 @@ impl Design {
         let weights = opening_weights(&self.history, &self.scaling, &self.weights)?;
         let spaces = self.spaces(self.problems.iter().map(|problem| problem.layout().depth));
         let draft = |space: &TrajectorySpace| self.draft(space, &weights, None);
-        let drafts = spaces.iter().map(draft).collect::<Result<_, _>>()?;
+        let mut drafts = spaces.iter().map(draft).collect::<Result<Vec<_>, _>>()?;
+        if let Some(mut evidence) = self.evidence.clone() {
+            let setup = Setup { weights: &weights, ..self.setup() };
+            evidence.open(&self.history, setup, self.settings.horizon)?;
+            let of = (&self.scaling, self.driving.as_ref());
+            drafts.iter_mut().for_each(|draft| draft.measured_by((&evidence, true), of));
+        }
         let problems = Draft::all_on(drafts, &self.ground);
         let _ = self.opening.set(Opening { problems, weights }); // a copy may have been faster
         Ok(())
+    }
+
+    fn setup(&self) -> Setup<'_> {
+        Setup {
+            scaling: &self.scaling,
+            weights: &self.weights,
+            selection: &self.selection,
+            driving: self.driving.as_ref(),
+            rest: self.rest.as_ref().map(Equilibrium::as_rest),
+            unknown: false,
+        }
     }
 
     /// The spaces of some depths, as they were at construction.
@@ -157,7 +179,8 @@ impl Design {
     ) -> Result<Draft, Error> {
         let layout = Layout { depth: space.depth, ..self.problems[0].layout() };
         let bounds = (self.x_bounds.as_ref(), self.centered);
-        Draft::new(layout, space, &self.scaling, weights, bounds, measured).map_err(factorisation)
+        let given = (measured, self.noise.as_deref());
+        Draft::new(layout, space, &self.scaling, weights, bounds, given).map_err(factorisation)
     }
 
     /// The problem of the deepest window that so many outputs fill.
@@ -201,6 +224,7 @@ struct Source<'a> {
     driving: Option<&'a Driving>,
     weights: &'a Weights,
     rest: Option<Rest<'a>>,
+    noise: Option<Vec<f64>>, // stated beyond the recording's, where there is evidence
 }
 
 /// The problem of the horizon.
@@ -226,7 +250,8 @@ impl Source<'_> {
         let (n, p, driven) = (self.history.n(), self.history.p(), self.driving.is_some());
         let layout = Layout { n, p, depth: space.depth, driven };
         let bounds = (self.config.x_bounds.as_ref(), self.config.x_center == Center::History);
-        Draft::new(layout, space, self.scaling, weights, bounds, None).map_err(factorisation)
+        let given = (None, self.noise.as_deref());
+        Draft::new(layout, space, self.scaling, weights, bounds, given).map_err(factorisation)
     }
 
     /// Adds the problems of the growing windows of a run from an unknown state; their weights.
@@ -273,8 +298,13 @@ impl Source<'_> {
     }
 
     /// What all depths share, where a window begins that holds so many outputs.
-    fn ground(&self, start: Start, horizon: usize, filled: usize, rank: usize) -> Arc<Ground> {
-        let Source { history, config, scaling, weights, driving, .. } = *self;
+    fn ground(
+        &self,
+        (start, filled): (Start, usize),
+        (horizon, rank): (usize, usize),
+        evidence: Option<&Calibration>,
+    ) -> Arc<Ground> {
+        let Source { history, config, scaling, weights, driving, .. } = self;
         let sizes = Sizes {
             n: history.n(),
             p: history.p(),
@@ -288,6 +318,8 @@ impl Source<'_> {
             w_bounded: config.w_bounds.is_some(),
             driven: driving.is_some(),
             recorded: driving.is_some_and(|driving| driving.stationary.is_some()),
+            rule: evidence.map(|evidence| evidence.rule).unwrap_or_default(),
+            drifts: evidence.is_some() && config.drift.is_some(),
             centered: config.x_center == Center::History,
             plain_noise: config.certificate.is_none(),
             prices: config.soft.unwrap_or_default().prices(driving.is_some()),
@@ -295,8 +327,9 @@ impl Source<'_> {
         let boxes = [&config.x_bounds, &config.v_bounds, &config.w_bounds].map(Option::as_ref);
         let x_prior = config.x_prior.as_deref();
         let first = first_window((history, scaling), start, filled, x_prior);
-        let scales = (scaling, self.response);
-        Arc::new(Ground::new(sizes, scales, (weights, driving), boxes, &first))
+        let scales = (*scaling, self.response);
+        let own = evidence.map(|own| own.of_plan(history, config, (scaling, *driving)));
+        Arc::new(Ground::new(sizes, scales, (weights, *driving), boxes, (&first, own)))
     }
 
     /// With the problems of the shorter windows too.
@@ -328,13 +361,16 @@ impl Source<'_> {
             _ => None,
         };
         let settings = Settings { why: vec![("weights", why)], ..self.settings(&space) };
-        let ground = self.ground(start, horizon, filled, rank);
+        let evidence =
+            self.evidence(&selection, horizon, (&mut drafts, count), opening.as_ref())?;
+        let ground = self.ground((start, filled), (horizon, rank), evidence.as_ref());
         drop((spaces, self.stack));
         let mut problems = Draft::all_on(drafts, &ground);
         let growing = problems.split_off(count);
         let scales = (self.scaling, self.response);
-        let Remarks { watch, input_watch, bound, warnings } =
+        let Remarks { watch, input_watch, bound, mut warnings } =
             Remarks::new(history, config, scales, rule, (&settings, radius));
+        warnings.extend(evidence.iter().flat_map(|own| evidence::words(own, self.scaling)));
         Ok(Design {
             history: history.clone(),
             x_bounds: config.x_bounds.clone(),
@@ -359,7 +395,34 @@ impl Source<'_> {
             input_watch,
             bound,
             warnings,
+            evidence,
+            noise: self.noise,
         })
+    }
+
+    /// What windows are measured by, into the drafts: `count` of them, and then those of an unknown
+    /// start with their weights.
+    fn evidence(
+        &self,
+        selection: &Selection,
+        horizon: usize,
+        (drafts, count): (&mut [Draft], usize),
+        opening: Option<&Weights>,
+    ) -> Result<Option<Calibration>, Error> {
+        let Source { history, config, scaling, weights, driving, rest, .. } = self;
+        let (history, config, scaling) = (*history, *config, *scaling);
+        let (weights, driving, rest) = (*weights, *driving, *rest);
+        let setup = Setup { scaling, weights, selection, driving, rest, unknown: false };
+        let Some(mut evidence) = Calibration::new(history, config, setup, horizon)? else {
+            return Ok(None);
+        };
+        if let Some(weights) = opening {
+            evidence.open(history, Setup { weights, ..setup }, horizon)?;
+        }
+        for (number, draft) in drafts.iter_mut().enumerate() {
+            draft.measured_by((&evidence, number >= count), (scaling, driving));
+        }
+        Ok(Some(evidence))
     }
 }
 

@@ -1,6 +1,7 @@
 //! What a step returns, with its evidence.
 
-use ddmhe_run::Status;
+use ddmhe_run::evidence::Rule;
+use ddmhe_run::{Reasons, Status};
 use serde::{Deserialize, Serialize};
 
 /// The estimate of one step and the evidence behind it. All arrays are time-major, in the user's
@@ -29,6 +30,76 @@ pub struct Estimate {
     /// Changes of the active set since the last step (or iterations of the interior-point solver,
     /// where that decided).
     pub iterations: u32,
+    /// How far to trust it; None where the configuration asks for none.
+    pub evidence: Option<Evidence>,
+}
+
+/// How far to trust one estimate, in the user's units: see [`ddmhe_run::evidence`].
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+pub struct Evidence {
+    /// Σ(t), covariance of the error of x̂(t) (n·n, by rows).
+    pub covariance: Vec<f64>,
+    /// Why the estimate is not trusted; empty: it is.
+    #[serde(with = "reasons")]
+    pub reasons: Reasons,
+    /// What `value` is.
+    pub kind: EvidenceKind,
+    /// V(t)/V₀, or the mean of ‖ν‖²/p over the window.
+    pub value: f64,
+    /// What that is novel above.
+    pub limit: f64,
+    /// What the newest output differs by from what all others say it is (p); NaN where not measured.
+    pub innovation: Vec<f64>,
+    /// Variance of that (p).
+    pub innovation_variance: Vec<f64>,
+    /// Whether each output repeats one value longer than it ever did in the recording (p).
+    pub stuck: Vec<bool>,
+}
+
+/// What speaks for a window being like the recording.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+pub enum EvidenceKind {
+    /// V, the minimum of its problem, in units of what it is in windows held out of the recording.
+    #[default]
+    V,
+    /// The normalised innovations squared of the recording's Kalman filter, ‖ν‖²/p.
+    Nis,
+}
+
+impl Evidence {
+    /// Standard deviation of the error of each state.
+    pub fn std(&self) -> impl Iterator<Item = f64> + '_ {
+        let n = self.covariance.len().isqrt();
+        (0..n).map(move |i| self.covariance[i * n + i].sqrt())
+    }
+
+    /// Whether the estimate is trusted: see [`Reasons::trusted`].
+    pub fn trusted(&self) -> bool {
+        self.reasons.trusted()
+    }
+
+    /// Room for n states and p outputs.
+    pub(crate) fn with_room(n: usize, p: usize, rule: Rule) -> Self {
+        Evidence {
+            covariance: vec![0.0; n * n],
+            kind: if rule == Rule::Filter { EvidenceKind::Nis } else { EvidenceKind::V },
+            innovation: vec![f64::NAN; p],
+            innovation_variance: vec![0.0; p],
+            stuck: vec![false; p],
+            ..Evidence::default()
+        }
+    }
+
+    /// Takes up what a step found.
+    #[inline(always)]
+    pub(crate) fn update(&mut self, found: &ddmhe_run::Evidence<'_>) {
+        self.covariance.copy_from_slice(found.covariance);
+        (self.reasons, self.value, self.limit) = (found.reasons, found.value, found.limit);
+        self.innovation.copy_from_slice(found.innovation);
+        self.innovation_variance.copy_from_slice(found.innovation_variance);
+        let repeats = found.repeats.iter().zip(found.patience);
+        self.stuck.iter_mut().zip(repeats).for_each(|(to, (count, most))| *to = count >= most);
+    }
 }
 
 /// The estimates of a whole run: row t-1 is step t's.
@@ -46,16 +117,81 @@ pub struct Log {
     pub active: Vec<usize>,
     /// `Estimate::iterations` of each step.
     pub iterations: Vec<u32>,
+    /// How far to trust the estimates; None where the configuration asks for no evidence.
+    pub evidence: Option<EvidenceLog>,
+}
+
+/// The evidence on the estimates of a whole run: see [`Evidence`] for each field.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct EvidenceLog {
+    /// Σ, N·n·n.
+    pub covariance: Vec<f64>,
+    /// Bits of [`Reasons`].
+    pub reasons: Vec<u8>,
+    /// What `value` is.
+    pub kind: EvidenceKind,
+    /// V(t)/V₀, or the mean of ‖ν‖²/p over the window.
+    pub value: Vec<f64>,
+    /// What that is novel above.
+    pub limit: Vec<f64>,
+    /// N·p
+    pub innovation: Vec<f64>,
+    /// N·p
+    pub innovation_variance: Vec<f64>,
+    /// N·p
+    pub stuck: Vec<bool>,
+}
+
+impl EvidenceLog {
+    #[inline(always)]
+    pub(crate) fn push(&mut self, of: &Evidence) {
+        self.covariance.extend_from_slice(&of.covariance);
+        self.reasons.push(of.reasons.bits());
+        self.kind = of.kind;
+        self.value.push(of.value);
+        self.limit.push(of.limit);
+        self.innovation.extend_from_slice(&of.innovation);
+        self.innovation_variance.extend_from_slice(&of.innovation_variance);
+        self.stuck.extend_from_slice(&of.stuck);
+    }
+
+    fn reserve(&mut self, steps: usize, n: usize, p: usize) {
+        self.covariance.reserve_exact(steps * n * n);
+        self.reasons.reserve_exact(steps);
+        self.value.reserve_exact(steps);
+        self.limit.reserve_exact(steps);
+        self.innovation.reserve_exact(steps * p);
+        self.innovation_variance.reserve_exact(steps * p);
+        self.stuck.reserve_exact(steps * p);
+    }
 }
 
 impl Log {
     /// Room for so many steps of n states.
-    pub(crate) fn reserve(&mut self, steps: usize, n: usize) {
+    pub(crate) fn reserve(&mut self, steps: usize, (n, p): (usize, usize), judged: bool) {
         self.x.reserve_exact(steps * n);
         self.cost.reserve_exact(steps);
         self.status.reserve_exact(steps);
         self.active.reserve_exact(steps);
         self.iterations.reserve_exact(steps);
+        self.evidence = judged.then(EvidenceLog::default);
+        if let Some(evidence) = &mut self.evidence {
+            evidence.reserve(steps, n, p);
+        }
+    }
+}
+
+/// [`Reasons`] as their bits.
+mod reasons {
+    use super::Reasons;
+    use serde::{Deserialize, Deserializer, Serializer};
+
+    pub fn serialize<S: Serializer>(reasons: &Reasons, to: S) -> Result<S::Ok, S::Error> {
+        to.serialize_u8(reasons.bits())
+    }
+
+    pub fn deserialize<'de, D: Deserializer<'de>>(from: D) -> Result<Reasons, D::Error> {
+        Ok(Reasons::from_bits(u8::deserialize(from)?))
     }
 }
 

@@ -228,6 +228,32 @@ impl History {
         }
     }
 
+    /// Some output samples of recording `i`, with the state behind the last of them.
+    pub(crate) fn stretch(&self, i: usize, samples: std::ops::Range<usize>) -> Self {
+        let (n, p, m) = (self.n, self.p, self.m);
+        let Recording { x, y, u } = &self.recordings[i];
+        let (from, to) = (samples.start, samples.end);
+        let part = Recording {
+            x: x[from * n..(to + 1) * n].to_vec(),
+            y: y[from * p..to * p].to_vec(),
+            u: u[from * m..to * m].to_vec(),
+        };
+        self.of(vec![part])
+    }
+
+    /// All recordings but one.
+    pub(crate) fn without(&self, i: usize) -> Self {
+        let others = self.recordings.iter().enumerate().filter(|(k, _)| *k != i);
+        self.of(others.map(|(_, recording)| recording.clone()).collect())
+    }
+
+    /// With other recordings of the same system.
+    fn of(&self, recordings: Vec<Recording>) -> Self {
+        let (x_units, y_units) = (self.x_units.clone(), self.y_units.clone());
+        let u_units = self.u_units.clone();
+        History { recordings, x_units, y_units, u_units, ..*self }
+    }
+
     /// The same without its inputs.
     pub fn without_inputs(&self) -> Self {
         let mut free = self.clone();

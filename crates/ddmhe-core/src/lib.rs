@@ -91,9 +91,11 @@ mod covariance;
 pub mod defaults;
 mod depths;
 mod design;
+mod doubts;
 mod driving;
 mod error_bound;
 mod estimate;
+mod evidence;
 mod excitation;
 mod extended;
 mod fallback;
@@ -136,11 +138,11 @@ use ddmhe_interval::{check, error};
 pub use ddmhe_interval::{
     Error, Interval, IntervalEstimate, IntervalObserver, Reduction, Zonotope, interval, observer,
 };
-pub use ddmhe_run::Status;
+pub use ddmhe_run::{Reasons, Status};
 
 pub use certificate::{Certificate, Disturbance, Model, Uncertainty, minimum_horizon};
 pub use config::{Bounds, Center, Config, Equilibrium, ProcessNoise, Settings, Start, Weighting};
-pub use estimate::{Estimate, Log};
+pub use estimate::{Estimate, Evidence, EvidenceKind, EvidenceLog, Log};
 pub use excitation::RankReport;
 pub use hankel::BlockHankel;
 pub use history::History;

@@ -136,7 +136,8 @@ impl DdMhe {
         check_measured("Y", ys, p)?;
         self.check_inputs("U", us, ys.len() / p)?;
         let mut log = Log::default();
-        log.reserve(ys.len() / p, self.n());
+        let judged = self.design.ground.sizes().judged();
+        log.reserve(ys.len() / p, (self.n(), p), judged);
         let mut interrupt = Interrupt::new(stop);
         let steps = ys.len() / p;
         let alone = self.run.may_be_alone(&self.design);
@@ -158,6 +159,9 @@ impl DdMhe {
             log.active.push(estimate.active);
             log.iterations.push(estimate.iterations);
             log.bound.extend(estimate.bound);
+            if let (Some(log), Some(of)) = (&mut log.evidence, &estimate.evidence) {
+                log.push(of);
+            }
             if stopped {
                 break;
             }
@@ -266,7 +270,15 @@ impl DdMhe {
         let dt = self.design.history.dt();
         let online = self.design.watch.words(&self.run.seen, dt);
         let of_inputs = self.design.input_watch.words(&self.run.seen_inputs, dt);
-        self.design.warnings.iter().cloned().chain(online).chain(of_inputs).collect()
+        let doubts = self.run.doubts.words(dt);
+        let all = self.design.warnings.iter().cloned().chain(online).chain(of_inputs);
+        all.chain(doubts).collect()
+    }
+
+    /// What the recording promises: the root-mean-square error of each state in windows that were
+    /// held out of it (n), NaN where nothing could be held out. None without evidence.
+    pub fn promise(&self) -> Option<&[f64]> {
+        self.design.evidence.as_ref().map(|own| &own.promise[..])
     }
 
     /// The latest estimate (empty before the first step).

@@ -4,6 +4,7 @@
 use crate::config::Bounds;
 use crate::driving::Driving;
 use crate::error::Error;
+use crate::evidence::{Calibration, Maps, PlanNumbers};
 use crate::first_window::Samples;
 use crate::reduction::{Reduced, reduce};
 use crate::response::OwnResponse;
@@ -59,6 +60,7 @@ pub(crate) struct Draft {
     depth: Depth,
     surplus: Option<Surplus>, // where the cost leaves a choice
     block: Block,
+    maps: Option<Maps>, // what evidence is made with, if any is asked for
 }
 
 /// The same, to be solved.
@@ -78,13 +80,14 @@ self_cell::self_cell!(
 
 impl Draft {
     /// Factors the problem. `measured` (m·p, time-major) says which outputs exist; None: all.
+    /// `judged` are the variances of stated noise, where answers carry evidence.
     pub fn new(
         layout: Layout,
         space: &TrajectorySpace,
         scaling: &Scaling,
         weights: &Weights,
         (x_bounds, centered): (Option<&Bounds>, bool),
-        measured: Option<&[bool]>,
+        (measured, judged): (Option<&[bool]>, Option<&[f64]>),
     ) -> Result<Self, SvdError> {
         let reduced = reduce(layout, space, weights, centered, measured)?;
         let kind = Kind {
@@ -93,6 +96,8 @@ impl Draft {
             surplus: reduced.unseen.is_some(),
             for_pattern: measured.is_some(),
             filtered: weights.settled() && measured.is_none(),
+            penalised: space.lambda > 0.0,
+            judged: judged.is_some(),
         };
         let depth = Depth {
             prior_weight: weights.discount(layout.depth) * weights.unit,
@@ -104,13 +109,32 @@ impl Draft {
         write_rows(&depth, &reduced, space, scaling, &mut block);
         write_limits(&depth, x_bounds, scaling, &mut block);
         block.write(depth.prior, weights.prior_factor());
+        let noise = judged.filter(|_| measured.is_none());
+        let maps = noise.map(|noise| Maps::new(layout, &reduced, weights, noise));
         let (last, r) = (layout.x(layout.depth).start, depth.rank);
         let Reduced { K, A, .. } = &reduced;
         let entry = |i: usize, j: usize| (0..r).map(|k| A[(last + i, k)] * K[(k, j)]).sum();
         let prior_map = Mat::from_fn(layout.n, layout.n, entry);
         let rows = depth.rows(block.numbers());
         let surplus = reduced.unseen.map(|unseen| Surplus::new(&rows, unseen));
-        Ok(Draft { surplus, prior_map, depth, block })
+        Ok(Draft { surplus, prior_map, depth, block, maps })
+    }
+
+    /// With what its windows are measured by; `opening`: in a run from an unknown state.
+    pub fn measured_by(
+        &mut self,
+        (evidence, opening): (&Calibration, bool),
+        of: (&Scaling, Option<&Driving>),
+    ) {
+        let Some(maps) = self.maps.take() else { return };
+        let numbers = evidence.of_depth((self.depth.layout, opening), &maps, of);
+        let spans = self.depth.evidence;
+        self.block.write(spans.levels, numbers.levels);
+        self.block.write(spans.carry, numbers.carry);
+        self.block.write(spans.error, numbers.error);
+        self.block.write(spans.deleted, numbers.deleted);
+        self.block.write(spans.of_prior, numbers.of_prior);
+        self.block.write(spans.innovation, numbers.innovation);
     }
 
     /// Number of directions r.
@@ -287,7 +311,7 @@ impl Ground {
         (scaling, response): (&Scaling, Option<&OwnResponse>),
         (weights, driving): (&Weights, Option<&Driving>),
         [x, v, w]: [Option<&Bounds>; 3],
-        start: &Samples,
+        (start, evidence): (&Samples, Option<PlanNumbers>),
     ) -> Self {
         let (M, n, p) = (sizes.horizon, sizes.n, sizes.p);
         let of_w = driving.map_or(vec![1.0], |driving| driving.units(scaling));
@@ -335,7 +359,21 @@ impl Ground {
             write_filter(&common, driving, &filter, &mut block);
         }
         if let Some(noise) = weights.diagonal_noise(M, &scaling.s_y) {
+            let weighed = |(k, w): (usize, &f64)| w * scaling.s_y[k % p];
+            block.write(common.evidence.weights, noise.iter().enumerate().map(weighed));
             block.write(common.noise, noise);
+        }
+        if let Some(numbers) = evidence {
+            let spans = common.evidence;
+            block.write(spans.start, numbers.start);
+            block.write(spans.per_spread, numbers.per_spread);
+            block.write(spans.uncertain, numbers.uncertain);
+            for (range, of) in [(numbers.x_range, spans.x_range), (numbers.u_range, spans.u_range)]
+            {
+                range.into_iter().zip(of).for_each(|(values, span)| block.write(span, values));
+            }
+            block.write(spans.patience, numbers.patience);
+            block.write(spans.drift, numbers.drift);
         }
         Ground { common, block }
     }

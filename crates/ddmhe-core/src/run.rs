@@ -5,9 +5,10 @@
 
 use crate::config::{Bounds, Start, check_measured};
 use crate::design::Design;
+use crate::doubts::Doubts;
 use crate::error::Error;
 use crate::error_bound::ErrorBound;
-use crate::estimate::Estimate;
+use crate::estimate::{Estimate, Evidence};
 use crate::fallback::Fallbacks;
 use crate::first_window::{Samples, filled, first_window};
 use crate::history::check_finite;
@@ -16,13 +17,13 @@ use crate::plan_builder::Prepared;
 use crate::start::Opening;
 use crate::watch::Seen;
 use crate::weights::Weights;
-use ddmhe_run::Status;
 use ddmhe_run::active_set::ActiveBound;
 use ddmhe_run::layout::Layout;
-use ddmhe_run::memory::{Memory, memory_len};
+use ddmhe_run::memory::{Judged, Memory, memory_len};
 use ddmhe_run::plan::Limits;
 use ddmhe_run::problem::WindowSolution;
 use ddmhe_run::stepper::{Answer, Found, Pass, smooth};
+use ddmhe_run::{Reasons, Status};
 use serde::{Deserialize, Serialize};
 
 /// The state of a run.
@@ -35,6 +36,8 @@ pub(crate) struct Run {
     pub seen: Seen,
     /// The same of the inputs.
     pub seen_inputs: SeenInputs,
+    /// Since when estimates are in doubt.
+    pub doubts: Doubts,
     pub t: usize,
     pub estimate: Estimate,
 }
@@ -50,9 +53,58 @@ pub(crate) struct Saved {
     tail: Vec<f64>, // covariance of the oldest, unless it is the stationary one
     seen: Seen,
     seen_inputs: SeenInputs,
+    doubts: Doubts,
+    evidence: Option<SavedEvidence>,
     pub start: Start, // of the run, which reset may have changed
     t: usize,
     estimate: Estimate,
+}
+
+/// Of it, what evidence is made from.
+#[derive(Serialize, Deserialize)]
+struct SavedEvidence {
+    last: Vec<f64>,
+    repeats: Vec<f64>,
+    covariances: Vec<f64>,
+    since: usize,
+    inflation: f64,
+    value: f64,
+    limit: f64,
+    reasons: u8,
+}
+
+impl SavedEvidence {
+    fn of(memory: &Memory<Vec<f64>>) -> Option<Self> {
+        let ([last, repeats, covariances], judged) = memory.saved_evidence()?;
+        Some(SavedEvidence {
+            last: last.to_vec(),
+            repeats: repeats.to_vec(),
+            covariances: covariances.to_vec(),
+            since: judged.since,
+            inflation: judged.inflation,
+            value: judged.value,
+            limit: judged.limit,
+            reasons: judged.reasons.bits(),
+        })
+    }
+
+    /// Whether it is of so many states.
+    fn fits(&self, [n, p]: [usize; 2], states: usize) -> bool {
+        let whole = |values: &[f64]| values.iter().all(|v| v.is_finite());
+        self.last.len() == p
+            && self.repeats.len() == p
+            && self.covariances.len() == states * n * n
+            && whole(&self.covariances)
+            && whole(&self.repeats)
+            && self.inflation >= 0.0
+    }
+
+    fn resume(&self, memory: &mut Memory<Vec<f64>>) {
+        let SavedEvidence { since, inflation, value, limit, .. } = *self;
+        let reasons = Reasons::from_bits(self.reasons);
+        let judged = Judged { since, inflation, value, limit, reasons };
+        memory.resume_evidence([&self.last, &self.repeats, &self.covariances], judged);
+    }
 }
 
 impl Run {
@@ -65,6 +117,7 @@ impl Run {
             memory: Memory::new(sizes, vec![0.0; memory_len(sizes)]),
             seen: Seen::default(),
             seen_inputs: SeenInputs::default(),
+            doubts: Doubts::new(&design.history),
             t: 0,
             estimate: Estimate::default(),
         }
@@ -78,6 +131,7 @@ impl Run {
             memory: self.memory.clone(),
             seen: self.seen.clone(),
             seen_inputs: self.seen_inputs.clone(),
+            doubts: self.doubts.clone(),
             t: self.t,
             estimate: self.estimate.clone(),
         };
@@ -92,6 +146,10 @@ impl Run {
         self.estimate = Estimate::default();
         self.seen = design.watch.start();
         self.seen_inputs = design.input_watch.start();
+        self.doubts = Doubts::new(history);
+        let sizes = design.ground.sizes();
+        self.estimate.evidence =
+            sizes.judged().then(|| Evidence::with_room(sizes.n, sizes.p, sizes.rule));
         self.reserve(design);
         let filled = filled(history, self.start, design.settings.horizon);
         let first = first_window((history, scaling), self.start, filled, x_prior);
@@ -116,6 +174,8 @@ impl Run {
             tail: self.memory.tail().map_or_else(Vec::new, <[f64]>::to_vec),
             seen: self.seen.clone(),
             seen_inputs: self.seen_inputs.clone(),
+            doubts: self.doubts.clone(),
+            evidence: SavedEvidence::of(&self.memory),
             start: self.start,
             t: self.t,
             estimate: self.estimate.clone(),
@@ -125,7 +185,7 @@ impl Run {
     /// Continues a saved run from the same start.
     pub fn resume(&mut self, design: &Design, saved: Saved) -> Result<(), Error> {
         let Saved { window, bounds, moves, chain, tail, .. } = saved;
-        let Saved { seen, seen_inputs, t, estimate, .. } = saved;
+        let Saved { seen, seen_inputs, doubts, evidence, t, estimate, .. } = saved;
         let Samples { states, outputs, inputs } = &window;
         let (n, p, m) = (design.history.n(), design.history.p(), design.history.m());
         let samples = outputs.len() / p;
@@ -139,6 +199,9 @@ impl Run {
             && bounds.iter().all(|e| *e >= 0.0)
             && t < usize::MAX / 2
             && estimate.fits(n, p)
+            && evidence.is_some() == design.ground.sizes().judged()
+            && evidence.as_ref().is_none_or(|own| own.fits([n, p], samples + 1))
+            && estimate.evidence.is_some() == evidence.is_some()
             && (estimate.w.is_empty() || design.driving.is_some())
             && (tail.is_empty() || design.ground.sizes().recorded && tail.len() == n * n)
             && design.input_watch.allows(&seen_inputs)
@@ -156,11 +219,15 @@ impl Run {
         check_finite("blob", inputs, m)?;
         check_finite("blob", &tail, n)?;
         design.watch.check(&seen)?;
+        doubts.check(&design.history)?;
         self.refill(design, &window);
         self.memory.resume(design.problem(samples).layout().depth, &active, moves);
         self.memory.resume_filter(&design.ground.shared(), (chain, &tail));
+        if let Some(evidence) = evidence {
+            evidence.resume(&mut self.memory);
+        }
         (self.seen, self.t, self.estimate) = (seen, t, estimate);
-        self.seen_inputs = seen_inputs;
+        (self.seen_inputs, self.doubts) = (seen_inputs, doubts);
         self.reserve(design);
         if let Some(bound) = &mut self.bound {
             bound.resume(&bounds);
@@ -196,6 +263,8 @@ impl Run {
         for u in window.inputs.chunks_exact(design.history.m().max(1)) {
             self.memory.push_input(u.iter().copied());
         }
+        let unknown = self.start == Start::Unknown;
+        self.memory.start_evidence(&design.ground.shared(), unknown);
     }
 
     /// Whether a step may be a filter's, with nothing but x̂(t) made: see
@@ -226,10 +295,7 @@ impl Run {
         (self.estimate.cost, self.estimate.status) = (cost, Status::Optimal);
         (self.estimate.active, self.estimate.iterations) = (0, 0);
         self.t += 1;
-        design.watch.note(&mut self.seen, y, self.t);
-        if design.history.m() > 0 {
-            design.input_watch.note(&mut self.seen_inputs, self.memory.window_inputs(), self.t);
-        }
+        self.note(design, y);
         true
     }
 
@@ -274,14 +340,32 @@ impl Run {
         (estimate.cost, estimate.status) = (cost, status);
         (estimate.active, estimate.iterations) = (active, iterations);
         self.t += 1;
-        design.watch.note(&mut self.seen, y, self.t);
-        if design.history.m() > 0 {
-            design.input_watch.note(&mut self.seen_inputs, self.memory.window_inputs(), self.t);
-        }
+        self.note(design, y);
         if self.start == Start::Unknown && self.t == layout.depth {
             smooth(&design.ground.shared(), &mut self.memory, &self.estimate.window);
         }
         &self.estimate
+    }
+}
+
+impl Run {
+    /// What the newest step showed that the recording did not.
+    #[inline(always)]
+    fn note(&mut self, design: &Design, y: &[f64]) {
+        design.watch.note(&mut self.seen, y, self.t);
+        if design.history.m() > 0 {
+            design.input_watch.note(&mut self.seen_inputs, self.memory.window_inputs(), self.t);
+        }
+        let Some(own) = &mut self.estimate.evidence else { return };
+        let shared = &design.problems[0].problem().shared;
+        if let Some(found) = self.memory.evidence(&shared.evidence)
+            && let Some(known) = &shared.evidence
+        {
+            own.update(&found);
+            let u = self.memory.window_inputs();
+            let newest = &u[u.len() - design.history.m()..];
+            self.doubts.note(own, known, (&self.estimate.x, newest), self.t);
+        }
     }
 }
 

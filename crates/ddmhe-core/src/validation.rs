@@ -142,7 +142,15 @@ pub fn validate(
         errors: vec![f64::INFINITY; fold.spans.len()],
         spectral_radius: f64::INFINITY,
     };
-    let (groups, done) = (grouped(jobs), AtomicUsize::new(0));
+    // estimates are the same without evidence, and made sooner
+    let bare = |config: &Config| Config {
+        evidence: false,
+        output_noise: None,
+        drift: None,
+        ..config.clone()
+    };
+    let jobs: Vec<(usize, Config)> = jobs.iter().map(|(k, config)| (*k, bare(config))).collect();
+    let (groups, done) = (grouped(&jobs), AtomicUsize::new(0));
     let scores = |group: &Vec<usize>, stopped: &AtomicBool| -> Vec<Option<Score>> {
         let fold = &folds[jobs[group[0]].0];
         let configs: Vec<&Config> = group.iter().map(|&k| &jobs[k].1).collect();

@@ -7,6 +7,7 @@ use crate::defaults::Defaults;
 use crate::driving::Driving;
 use crate::error::Error;
 use crate::scaling::Scaling;
+use ddmhe_run::layout::Layout;
 use ddmhe_run::reweight::reduced;
 use faer::{Mat, Side};
 use std::borrow::Cow;
@@ -235,6 +236,28 @@ impl Weights {
                 / s_y[i].powi(2)
         };
         self.plain.then(|| (0..depth * p).map(weight).collect())
+    }
+
+    /// Of f = \[x̄; y\] - c and what is left of it, as weighed in the windows of a layout: their
+    /// product, and J, the square of the latter.
+    pub fn products(&self, layout: Layout, f: &[f64], left: &[f64]) -> [f64; 2] {
+        let Layout { n, p, depth, .. } = layout;
+        let all = vec![true; p];
+        let along = |U: &Mat<f64>, v: &[f64], i: usize| -> f64 {
+            v.iter().enumerate().map(|(j, v)| U[(i, j)] * v).sum()
+        };
+        let (mut inner, mut J) = (0.0, 0.0);
+        let mut add = |U: Mat<f64>, first: usize, len: usize| {
+            let (f, left) = (&f[first..first + len], &left[first..first + len]);
+            for i in 0..len {
+                let (of_f, of_left) = (along(&U, f, i), along(&U, left, i));
+                inner += of_f * of_left;
+                J += of_left * of_left;
+            }
+        };
+        add(self.prior(depth), 0, n);
+        (0..depth).for_each(|k| add(self.noise(depth - k, &all), n + k * p, p));
+        [self.unit * inner, self.unit * J]
     }
 
     /// Whether P is diagonal.

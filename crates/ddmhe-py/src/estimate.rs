@@ -1,6 +1,7 @@
 //! `ddmhe.Estimate`.
 
 use crate::convert::{DdmheError, array1, array2, raise};
+use crate::evidence::{self, Evidence};
 use crate::pickle::{Made, bytes, made};
 use ddmhe_core::snapshot::{Kind, from_bytes, to_bytes};
 use numpy::{PyArray1, PyArray2};
@@ -109,6 +110,40 @@ impl Estimate {
     #[getter]
     fn iterations(&self) -> u32 {
         self.core.iterations
+    }
+
+    /// Covariance (n, n) of the error of x; None where no evidence was asked for.
+    #[getter]
+    fn covariance<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyArray2<f64>>>> {
+        let own = self.core.evidence.as_ref();
+        own.map(|own| array2(py, own.covariance.clone(), self.n)).transpose()
+    }
+
+    /// Standard deviation (n,) of the error of each state, the roots of covariance's diagonal.
+    #[getter]
+    fn std<'py>(&self, py: Python<'py>) -> Option<Bound<'py, PyArray1<f64>>> {
+        let own = self.core.evidence.as_ref()?;
+        Some(array1(py, &evidence::diagonal(&own.covariance, self.n)))
+    }
+
+    /// Whether the estimate is trusted: reasons hold neither NOVEL nor UNCERTAIN nor STUCK. What is
+    /// OUTSIDE is told, and not for that alone in doubt.
+    #[getter]
+    fn trusted(&self) -> Option<bool> {
+        Some(self.core.evidence.as_ref()?.trusted())
+    }
+
+    /// Why the estimate is not trusted, a ddmhe.Reason; Reason(0): it is.
+    #[getter]
+    fn reasons<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyAny>>> {
+        let own = self.core.evidence.as_ref();
+        own.map(|own| evidence::reason(py, own.reasons.bits())).transpose()
+    }
+
+    /// What speaks for and against it, an Evidence; None where none was asked for.
+    #[getter]
+    fn evidence(&self) -> Option<Evidence> {
+        self.core.evidence.as_ref().map(Evidence::new)
     }
 
     fn __repr__(&self, py: Python<'_>) -> String {

@@ -3,6 +3,7 @@
 mod certificate;
 mod convert;
 mod estimate;
+mod evidence;
 mod exclusive;
 mod history;
 mod in_force;
@@ -30,6 +31,8 @@ mod _core {
     };
     #[pymodule_export]
     use crate::estimate::Estimate;
+    #[pymodule_export]
+    use crate::evidence::{Evidence, EvidenceLog};
     #[pymodule_export]
     use crate::history::{History, RankReport, noise_levels, wrapped_angle};
     #[pymodule_export]

@@ -1,7 +1,9 @@
 //! `ddmhe.Log`.
 
 use crate::convert::{DdmheError, array1, array2};
-use numpy::{PyArray1, PyArray2};
+use crate::evidence::{EvidenceLog, diagonal};
+use ddmhe_core::Reasons;
+use numpy::{PyArray1, PyArray2, PyArray3, PyArrayMethods};
 use pyo3::prelude::*;
 use pyo3::sync::PyOnceLock;
 use pyo3::types::{PyTuple, PyType};
@@ -27,6 +29,9 @@ pub struct Log {
     /// Estimate.iterations of each step (N,).
     #[pyo3(get)]
     iterations: Py<PyArray1<i64>>,
+    /// How far to trust the estimates, an EvidenceLog; None where no evidence was asked for.
+    #[pyo3(get)]
+    evidence: Option<Py<EvidenceLog>>,
 }
 
 /// What `Log._of` takes.
@@ -37,6 +42,7 @@ type Columns<'py> = (
     Bound<'py, PyAny>,
     Bound<'py, PyArray1<i64>>,
     Bound<'py, PyArray1<i64>>,
+    Option<Bound<'py, EvidenceLog>>,
 );
 
 #[pymethods]
@@ -46,14 +52,16 @@ impl Log {
         let (active, iterations) = (self.active.bind(py).clone(), self.iterations.bind(py).clone());
         let bound = self.bound.as_ref().map(|bound| bound.bind(py).clone());
         let status = self.status(py)?.into_bound(py);
-        Ok((py.get_type::<Self>().getattr("_of")?, (x, cost, bound, status, active, iterations)))
+        let evidence = self.evidence.as_ref().map(|evidence| evidence.bind(py).clone());
+        let columns = (x, cost, bound, status, active, iterations, evidence);
+        Ok((py.get_type::<Self>().getattr("_of")?, columns))
     }
 
     /// From its columns.
     #[classmethod]
     #[pyo3(signature = (*columns))]
     fn _of(_cls: &Bound<'_, PyType>, columns: &Bound<'_, PyTuple>) -> PyResult<Self> {
-        let (x, cost, bound, status, active, iterations): Columns<'_> = columns
+        let (x, cost, bound, status, active, iterations, evidence): Columns<'_> = columns
             .extract()
             .map_err(|_| DdmheError::new_err("columns: expected those of a Log, found others"))?;
         let words = PyOnceLock::new();
@@ -66,7 +74,38 @@ impl Log {
             words: Vec::new(),
             active: active.unbind(),
             iterations: iterations.unbind(),
+            evidence: evidence.map(Bound::unbind),
         })
+    }
+
+    /// Covariance of the error of each x (N, n, n); None where no evidence was asked for.
+    #[getter]
+    fn covariance<'py>(&self, py: Python<'py>) -> Option<Bound<'py, PyArray3<f64>>> {
+        Some(self.evidence.as_ref()?.get().covariance(py))
+    }
+
+    /// Standard deviation of the error of each state (N, n).
+    #[getter]
+    fn std<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyArray2<f64>>>> {
+        let Some(sigma) = self.covariance(py) else { return Ok(None) };
+        let sigma = sigma.readonly();
+        let n = sigma.as_array().shape()[1];
+        array2(py, diagonal(sigma.as_slice()?, n), n).map(Some)
+    }
+
+    /// Whether each estimate is trusted (N,): neither NOVEL nor UNCERTAIN nor STUCK.
+    #[getter]
+    fn trusted<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyArray1<bool>>>> {
+        let Some(reasons) = self.reasons(py) else { return Ok(None) };
+        let trusted = |bits: &u8| Reasons::from_bits(*bits).trusted();
+        let trusted = reasons.readonly().as_slice()?.iter().map(trusted).collect();
+        Ok(Some(PyArray1::from_vec(py, trusted)))
+    }
+
+    /// Why each estimate is not trusted (N,): numbers of ddmhe.Reason, 0 where it is.
+    #[getter]
+    fn reasons<'py>(&self, py: Python<'py>) -> Option<Bound<'py, PyArray1<u8>>> {
+        Some(self.evidence.as_ref()?.get().reasons(py))
     }
 
     /// Status of each step (N,), strings.
@@ -84,10 +123,11 @@ impl Log {
     pub fn new(
         py: Python<'_>,
         log: ddmhe_core::Log,
-        n: usize,
+        (n, p): (usize, usize),
         bounded: bool,
         x: Option<Bound<'_, PyArray2<f64>>>,
     ) -> PyResult<Self> {
+        let evidence = log.evidence.map(|of| Py::new(py, EvidenceLog::new(py, of, n, p)?));
         let whole = |values: Vec<i64>| PyArray1::from_vec(py, values).unbind();
         Ok(Log {
             x: x.map_or_else(|| array2(py, log.x, n), Ok)?.unbind(),
@@ -97,6 +137,7 @@ impl Log {
             words: log.status.iter().map(|s| s.as_str()).collect(),
             active: whole(log.active.iter().map(|&a| a as i64).collect()),
             iterations: whole(log.iterations.iter().map(|&i| i64::from(i)).collect()),
+            evidence: evidence.transpose()?,
         })
     }
 }

@@ -74,7 +74,7 @@ fn run_copies(py: Python<'_>, one: &DdMhe, logs: &Given<'_>) -> PyResult<Vec<Log
     let found = py
         .detach(|| ddmhe_core::run_copies(core, &slices, &mut |_| signals.raised()))
         .map_err(raise)?;
-    let sizes = vec![(core.n(), core.is_bounded()); found.len()];
+    let sizes = vec![((core.n(), core.p()), core.is_bounded()); found.len()];
     logged(py, found, sizes, signals)
 }
 
@@ -95,7 +95,7 @@ fn run_recordings(
             ddmhe_core::run_recordings(&histories, &config, &slices, &mut |_| signals.raised())
         })
         .map_err(raise)?;
-    let sizes = histories.iter().map(|history| (history.n(), false)).collect();
+    let sizes = histories.iter().map(|history| ((history.n(), history.p()), false)).collect();
     logged(py, found, sizes, signals)
 }
 
@@ -116,7 +116,7 @@ fn run_each(
         borrowed.push(estimator.get().core().map_err(|_| in_use(k))?);
     }
     let data = logs.numbers(|k| (borrowed[k].p(), borrowed[k].history().m()))?;
-    let sizes: Vec<(usize, bool)> = borrowed.iter().map(|e| (e.n(), e.is_bounded())).collect();
+    let sizes: Vec<Sizes> = borrowed.iter().map(|e| ((e.n(), e.p()), e.is_bounded())).collect();
     let mut cores: Vec<&mut ddmhe_core::DdMhe> = borrowed.iter_mut().map(|e| &mut **e).collect();
     let slices = borrowed_logs(&data);
     let mut signals = Signals::default();
@@ -126,17 +126,20 @@ fn run_each(
     logged(py, found, sizes, signals)
 }
 
-/// Logs of (n, whether there are error bounds), or what ended the work, with those that there are.
+/// (n, p), and whether there are error bounds.
+type Sizes = ((usize, usize), bool);
+
+/// Logs of these sizes, or what ended the work, with those that there are.
 fn logged(
     py: Python<'_>,
     found: Vec<ddmhe_core::Log>,
-    sizes: Vec<(usize, bool)>,
+    sizes: Vec<Sizes>,
     signals: Signals,
 ) -> PyResult<Vec<Log>> {
     let logs: Vec<Log> = found
         .into_iter()
         .zip(sizes)
-        .map(|(log, (n, bounded))| Log::new(py, log, n, bounded, None))
+        .map(|(log, (channels, bounded))| Log::new(py, log, channels, bounded, None))
         .collect::<PyResult<_>>()?;
     signals.outcome(py, logs, "the run was stopped")
 }

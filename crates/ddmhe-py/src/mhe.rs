@@ -1,6 +1,6 @@
 //! `ddmhe.DdMhe`.
 
-use crate::convert::{Numbers, ShapeError, bounds, raise, writable};
+use crate::convert::{Numbers, ShapeError, array1, bounds, raise, writable};
 use crate::estimate::Estimate;
 use crate::exclusive::Exclusive;
 use crate::history::History;
@@ -82,6 +82,15 @@ use std::sync::MutexGuard;
 ///     has an estimate. It is the estimate of hard bounds where these can be met at less than that
 ///     price, and the estimate is outside of the box where not. None, and what a mapping does not
 ///     name: hard. "x" is the price of bounds that are given to a step, too.
+/// output_noise : float or array (p,), optional
+///     Standard deviation of the noise of later outputs, where it is more than the recording's; an
+///     exact recording shows none. Evidence alone uses it.
+/// drift : array (n, n), optional
+///     Covariance that each sample adds to the error of the states, for what no output shows and the
+///     recording did not do. Evidence alone uses it.
+/// evidence : bool
+///     Whether estimates carry evidence: covariance, std, trusted, reasons. The estimates are the
+///     same without, and a step is cheaper.
 ///
 /// Raises
 /// ------
@@ -111,7 +120,8 @@ impl DdMhe {
         text_signature = "(history, horizon=None, rho=None, mu=None, x_prior=None, \
             x_bounds=None, x_center=None, v_bounds=None, equilibrium=None, warm_start=None, \
             space='auto', certificate=None, disturbance=None, *, weights='auto', start=None, \
-            process_noise='auto', w_bounds=None, soft=None)"
+            process_noise='auto', w_bounds=None, soft=None, output_noise=None, drift=None, \
+            evidence=True)"
     )]
     fn new(
         history: &Bound<'_, PyAny>,
@@ -254,7 +264,7 @@ impl DdMhe {
             }
             _ => None,
         };
-        let log = Log::new(py, log, n, core.is_bounded(), x)?;
+        let log = Log::new(py, log, (n, p), core.is_bounded(), x)?;
         signals.outcome(py, log, &format!("{made} of {rows} steps were made"))
     }
 
@@ -336,6 +346,13 @@ impl DdMhe {
     #[getter]
     fn settings(&self) -> PyResult<InForce> {
         Ok(InForce::new(&*self.core()?))
+    }
+
+    /// What the recording promises (n,): the root-mean-square error of each state in windows that
+    /// were held out of it; NaN where it is too short for that, None without evidence.
+    #[getter]
+    fn promise<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyArray1<f64>>>> {
+        Ok(self.core()?.promise().map(|promise| array1(py, promise)))
     }
 
     /// The trajectory space that was asked for.

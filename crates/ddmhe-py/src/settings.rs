@@ -20,7 +20,7 @@ use pyo3::types::{PyDict, PyDictMethods, PyTuple};
 type Read = fn(&mut Config, &Given<'_, '_>) -> PyResult<()>;
 
 /// Every setting by its name, in the order of `DdMhe`'s arguments, in which they are read.
-const TABLE: [(&str, Read); 17] = [
+const TABLE: [(&str, Read); 20] = [
     ("horizon", |c, v| put(&mut c.horizon, whole(v.name, v.value))),
     ("rho", |c, v| put(&mut c.rho, number(v.name, v.value))),
     ("mu", |c, v| put(&mut c.mu, number(v.name, v.value))),
@@ -38,6 +38,9 @@ const TABLE: [(&str, Read); 17] = [
     ("process_noise", |c, v| set(&mut c.process_noise, v.process_noise())),
     ("w_bounds", |c, v| put(&mut c.w_bounds, v.bounds(v.n()))),
     ("soft", |c, v| put(&mut c.soft, v.soft())),
+    ("output_noise", |c, v| put(&mut c.output_noise, v.deviations(v.p()))),
+    ("drift", |c, v| put(&mut c.drift, v.covariance())),
+    ("evidence", |c, v| set(&mut c.evidence, flag(v.name, v.value))),
 ];
 
 /// Settings that may be given by their place; those behind them need their names.
@@ -133,6 +136,11 @@ impl<'py> Given<'_, 'py> {
         if self.value.extract::<String>().is_ok() {
             return self.choice(&PROCESS_NOISE);
         }
+        self.covariance().map(ProcessNoise::Given)
+    }
+
+    /// A matrix (n, n).
+    fn covariance(&self) -> PyResult<Vec<f64>> {
         let (Q, rows, columns) = Numbers::matrix(self.name, self.value, "(n, n)")?;
         let n = self.n().unwrap_or(rows);
         if (rows, columns) != (n, n) {
@@ -141,7 +149,15 @@ impl<'py> Given<'_, 'py> {
                 "{argument}: expected shape ({n}, {n}), found ({rows}, {columns})"
             )));
         }
-        Ok(ProcessNoise::Given(Q))
+        Ok(Q)
+    }
+
+    /// A number, or one a channel.
+    fn deviations(&self, channels: Option<usize>) -> PyResult<Vec<f64>> {
+        match number(self.name, self.value) {
+            Ok(one) => Ok(vec![one]),
+            Err(_) => self.vector(self.value, channels),
+        }
     }
 
     /// A price, or prices {"x": …, "v": …, "w": …}.

@@ -1,5 +1,6 @@
 //! What a step in the caller's memory returns, with its evidence.
 
+use crate::evidence::Evidence;
 use crate::status::Status;
 
 /// The estimate of one step and the evidence behind it. All arrays are time-major, in the user's
@@ -24,4 +25,6 @@ pub struct Estimate<'a> {
     pub active: usize,
     /// Changes of the active set since the last step.
     pub iterations: u32,
+    /// How far to trust it; None where the plan was made without.
+    pub evidence: Option<Evidence<'a>>,
 }

@@ -68,6 +68,7 @@ pub mod active_set;
 mod bounds;
 mod cost;
 mod estimate;
+pub mod evidence;
 pub mod fallback;
 pub mod kalman;
 pub mod layout;
@@ -86,6 +87,7 @@ pub mod tol;
 mod window;
 
 pub use estimate::Estimate;
+pub use evidence::{Evidence, Reasons};
 pub use fallback::{Alone, Fallback};
 pub use layout::Layout;
 pub use memory::Memory;

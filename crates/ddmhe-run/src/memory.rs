@@ -2,6 +2,7 @@
 //! works in.
 
 use crate::active_set::working_set::{ActiveBound, Kept, Sides, WorkingSet};
+use crate::evidence::OfDepth;
 use crate::kalman::Kalman;
 use crate::panels::padded;
 use crate::plan::common::{Shared, Sizes};
@@ -11,16 +12,21 @@ use crate::tol;
 use core::ops::Range;
 use filtering::Filtering;
 use forced::Forced;
+pub use judging::Newest;
 pub use parts::Parts;
 use room::Room;
 use stretches::{Stretches, samples};
+use witness::Witness;
+pub use witness::{Judged, Told};
 
 mod filtering;
 mod forced;
+mod judging;
 mod losses;
 mod parts;
 mod room;
 mod stretches;
+mod witness;
 
 /// The moving window, as scaled deviations, and room for a step, in numbers that are owned or lent.
 ///
@@ -37,6 +43,7 @@ pub struct Memory<B> {
     aside: usize,   // where the outputs are kept that were set aside
     forced: Forced, // where the forced motion is
     filtering: Filtering,
+    witness: Witness, // what says how far to trust an estimate
     room: Room,
     scratch: usize, // where the room begins
     sides: usize,   // active bounds of the last step
@@ -48,7 +55,7 @@ pub struct Memory<B> {
 pub fn memory_len(sizes: Sizes) -> usize {
     let Sizes { n, p, horizon, .. } = sizes;
     let stretch = padded(samples(horizon) * p) + padded(samples(horizon) * n);
-    let filtering = Filtering::new(sizes, 0).end();
+    let filtering = Filtering::new(sizes, 0).end() + Witness::new(sizes, 0).end;
     let known = padded(horizon * p) + Forced::new(sizes, 0).len() + filtering;
     stretch + known + Room::new(sizes).len(sizes)
 }
@@ -61,6 +68,7 @@ impl<B: AsRef<[f64]> + AsMut<[f64]>> Memory<B> {
         let aside = padded(samples * p) + padded(samples * n);
         let forced = Forced::new(sizes, aside + padded(horizon * p));
         let filtering = Filtering::new(sizes, forced.end);
+        let witness = Witness::new(sizes, filtering.end());
         let slide = |at, width| SlidingBuffer::new(at, width, samples);
         Memory {
             block,
@@ -71,9 +79,10 @@ impl<B: AsRef<[f64]> + AsMut<[f64]>> Memory<B> {
             missing: 0,
             aside,
             room: Room::new(sizes),
-            scratch: filtering.end(),
+            scratch: witness.end,
             forced,
             filtering,
+            witness,
             sides: 0,
             before: 0,
             kept: Kept::default(),
@@ -87,6 +96,7 @@ impl<B: AsRef<[f64]> + AsMut<[f64]>> Memory<B> {
         self.states.clear();
         self.inputs.clear();
         self.filtering.clear();
+        self.witness.clear();
         (self.depth, self.missing, self.sides, self.before) = (0, 0, 0, 0);
         self.kept = Kept::default();
     }
@@ -212,7 +222,7 @@ impl<B: AsRef<[f64]> + AsMut<[f64]>> Memory<B> {
     #[inline(always)]
     pub(crate) fn filter_alone(
         &mut self,
-        shared: &Shared<'_>,
+        (shared, evidence): (&Shared<'_>, &Option<OfDepth<'_>>),
         (y, u): (&[f64], &[f64]),
         (depth, x): (usize, &mut [f64]),
     ) -> Option<f64> {
@@ -240,8 +250,12 @@ impl<B: AsRef<[f64]> + AsMut<[f64]>> Memory<B> {
         if self.depth != depth {
             self.deepen(depth);
         }
+        let cost = self.filtering.cost(self.block.as_ref(), depth);
+        if shared.sizes.judged() {
+            self.judge_alone(shared, evidence.as_ref(), cost, (y, x));
+        }
         self.push_state(shared.state_deviations(x));
-        Some(self.filtering.cost(self.block.as_ref(), depth))
+        Some(cost)
     }
 
     /// An entry beyond [`MEASURABLE`](tol::MEASURABLE) counts as not measured. Returns how many do.
@@ -344,6 +358,7 @@ impl<B: AsRef<[f64]> + AsMut<[f64]>> Memory<B> {
         self.outputs.forget();
         self.states.forget();
         self.filtering.forget();
+        self.witness.forget();
         if self.inputs.width > 0 {
             self.inputs.forget();
         }
@@ -409,6 +424,7 @@ impl<B: AsRef<[f64]> + AsMut<[f64]>> Memory<B> {
         let (block, room) = room.split_at_mut(self.room.block);
         let (moved, room) = room.split_at_mut(self.room.moved);
         let (smoothing, room) = room.split_at_mut(self.room.smoothing);
+        let (sensitivity, room) = room.split_at_mut(self.room.sensitivity);
         let (sides, room) = room.split_at_mut(self.room.sides);
         let (before, work) = room.split_at_mut(self.room.sides);
         let n = self.states.width;
@@ -430,6 +446,7 @@ impl<B: AsRef<[f64]> + AsMut<[f64]>> Memory<B> {
                 block,
                 moved,
                 smoothing,
+                sensitivity,
                 work,
             },
             working: WorkingSet {

@@ -3,6 +3,7 @@
 
 use crate::active_set::problem::Windows;
 use crate::active_set::rows::Rows;
+use crate::evidence::{Minimum, OfDepth};
 use crate::kalman::Filtered;
 use crate::panels::Panels;
 use crate::plan::common::{Limits, Shared};
@@ -66,6 +67,8 @@ pub struct Scratch<'a> {
     pub moved: &'a mut [f64],
     /// For the smoother of [`kalman`](crate::kalman).
     pub smoothing: &'a mut [f64],
+    /// For the maps of a window with lost outputs: see [`evidence`](crate::evidence).
+    pub sensitivity: &'a mut [f64],
     /// Of the active-set method.
     pub work: &'a mut [f64],
 }
@@ -85,6 +88,12 @@ pub struct WindowSolution {
     pub iterations: u32,
     /// Whether it is what the filter has.
     pub filtered: bool,
+    /// Whether bounds keep it from the minimiser without them.
+    pub constrained: bool,
+    /// Whether the Hessian is that in the scratch.
+    pub downdated: bool,
+    /// What it says of itself, where evidence is asked for.
+    pub minimum: Minimum,
 }
 
 /// Everything about the windows of one depth that depends only on the recording and the settings:
@@ -105,6 +114,7 @@ pub struct WindowProblem<'a> {
     pub(crate) prior: &'a [f64],
     pub(crate) center: &'a [f64],
     pub(crate) center_gain: Panels<'a>,
+    pub(crate) evidence: Option<OfDepth<'a>>,
 }
 
 impl<'a> WindowProblem<'a> {
@@ -124,6 +134,7 @@ impl<'a> WindowProblem<'a> {
             prior: depth.prior.of(own),
             center: depth.center.of(own),
             center_gain: Panels::new(layout.outputs_len(), depth.center_gain.of(own)),
+            evidence: depth.kind.judged.then(|| OfDepth::new(depth.evidence, own)),
         }
     }
 }

@@ -25,7 +25,7 @@
 use crate::estimate::Estimate;
 use crate::fallback::{Alone, Fallback};
 use crate::kalman::Kalman;
-use crate::memory::{Memory, Parts, memory_len};
+use crate::memory::{Memory, Newest, Parts, memory_len};
 use crate::panels::Root;
 use crate::plan::bytes::{Plan, PlanError};
 use crate::plan::common::{Limits, Shared};
@@ -114,6 +114,10 @@ impl<B: AsRef<[f64]> + AsMut<[f64]>, F: Fallback> Pass<'_, B, F> {
         }
         let (window, n) = (&*out.window, out.x.len());
         out.x.copy_from_slice(&window[window.len() - n..]);
+        if shared.sizes.judged() {
+            let newest = Newest { y, x: out.x, v: out.v };
+            self.memory.judge(self.problem, &found.solution, newest);
+        }
         found
     }
 
@@ -127,9 +131,10 @@ impl<B: AsRef<[f64]> + AsMut<[f64]>, F: Fallback> Pass<'_, B, F> {
             return None;
         }
         let (memory, shared) = (&mut *self.memory, &self.problem.shared);
+        let evidence = &self.problem.evidence;
         self.fallback.vectorised(
             #[inline(always)]
-            || memory.filter_alone(shared, (y, u), (depth.layout.depth, x)),
+            || memory.filter_alone((shared, evidence), (y, u), (depth.layout.depth, x)),
         )
     }
 
@@ -362,6 +367,7 @@ impl<'p, 'm> Stepper<'p, 'm> {
                 self.memory.push_input(u.iter().copied());
             }
         }
+        self.memory.start_evidence(&shared, self.plan.starts_unknown());
     }
 
     /// Steps taken since the start.
@@ -416,6 +422,7 @@ impl<'p, 'm> Stepper<'p, 'm> {
         }
         let WindowSolution { status, cost, active, iterations, .. } = found.solution;
         let Answer { x, window, v, w } = out;
-        Some(Estimate { x, window, v, w, cost, status, active, iterations })
+        let evidence = self.memory.evidence(&self.problem.shared.evidence);
+        Some(Estimate { x, window, v, w, cost, status, active, iterations, evidence })
     }
 }

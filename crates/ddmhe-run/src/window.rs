@@ -36,19 +36,23 @@ impl WindowProblem<'_> {
         fallback: &impl Fallback,
         data: &Data<'_>,
         (working, scratch): (&mut WorkingSet<'_>, &mut Scratch<'_>),
-        fit: Fit<'_>,
+        mut fit: Fit<'_>,
     ) -> Option<WindowSolution> {
         let layout = self.depth.layout;
         working.predict(|row| layout.older(row));
         let found = self.minimise(fallback, data, (working, scratch), fit.v)?;
         working.adapt(|row| layout.older(row));
-        let mut cost = self.hand_over(data, scratch, (fit, found.filtered));
+        let mut cost = self.hand_over(data, scratch, (&mut fit, found.filtered));
         if self.shared.soft {
             cost += found.cost;
         }
         let sound = cost.is_finite() && self.within_reach(scratch.window);
         let status = if sound { found.status } else { Status::Failed };
-        Some(WindowSolution { status, sound, cost, ..found })
+        let mut found = WindowSolution { status, sound, cost, ..found };
+        if self.depth.kind.judged {
+            found.minimum = self.judge(data, scratch, fit.v, &found);
+        }
+        Some(found)
     }
 
     /// z* and its window: the answer where that is inside all bounds.
@@ -74,14 +78,13 @@ impl WindowProblem<'_> {
         } else {
             self.minimiser(data.prior, data.outputs, s.unconstrained);
         }
-        let optimal = |active| Some(optimal(active, filtered));
         if working.sides.is_empty() || !bounded {
             if !filtered {
                 self.window(&s.unconstrained[..self.depth.rank], s.window);
             }
             self.residual(data.outputs, s.window, v);
             if !bounded {
-                return optimal(0);
+                return optimal(0, filtered, changed);
             }
         }
         let own = self.own_box(x, data, s);
@@ -89,13 +92,13 @@ impl WindowProblem<'_> {
         if working.sides.is_empty() {
             let margins = self.margins(own, s, v);
             if margins.iter().fold(true, |inside, margin| inside & (*margin > tol::ACTIVE_SET)) {
-                return optimal(0);
+                return optimal(0, filtered, changed);
             }
             margin = margins.into_iter().fold(f64::INFINITY, smaller);
         }
         self.limits(own, data, s);
         if margin >= -tol::FEASIBLE {
-            return optimal(self.count_active(s));
+            return optimal(self.count_active(s), filtered, changed);
         }
         if filtered && data.is_reweighted() {
             changed = self.without_missing(data, s)?;
@@ -158,7 +161,9 @@ impl WindowProblem<'_> {
         }
         self.residual(data.outputs, s.window, v);
         let active = self.count_active(s);
-        Some(WindowSolution { status, active, iterations, ..WindowSolution::default() })
+        let (constrained, downdated) = (true, changed);
+        let rest = WindowSolution::default();
+        Some(WindowSolution { status, active, iterations, constrained, downdated, ..rest })
     }
 
     /// z* for outputs without NaN.
@@ -241,7 +246,7 @@ impl WindowProblem<'_> {
         &self,
         data: &Data<'_>,
         s: &mut Scratch<'_>,
-        (fit, filtered): (Fit<'_>, bool),
+        (fit, filtered): (&mut Fit<'_>, bool),
     ) -> f64 {
         self.in_user_units(s.window, data.means, fit.states);
         if self.depth.layout.driven {
@@ -323,17 +328,18 @@ impl WindowProblem<'_> {
 
     /// The mean window in the place of one that cannot be computed.
     #[cold]
-    pub fn rest(&self, data: &Data<'_>, s: &mut Scratch<'_>, fit: Fit<'_>) -> WindowSolution {
+    pub fn rest(&self, data: &Data<'_>, s: &mut Scratch<'_>, mut fit: Fit<'_>) -> WindowSolution {
         let offset = self.rows.offset;
         s.window[..offset.len()].copy_from_slice(offset);
         self.residual(data.outputs, s.window, fit.v);
-        let cost = self.hand_over(data, s, (fit, false));
+        let cost = self.hand_over(data, s, (&mut fit, false));
         WindowSolution { sound: true, cost, ..WindowSolution::default() }
     }
 }
 
 /// An answer in closed form.
 #[inline(always)]
-fn optimal(active: usize, filtered: bool) -> WindowSolution {
-    WindowSolution { status: Status::Optimal, active, filtered, ..WindowSolution::default() }
+fn optimal(active: usize, filtered: bool, downdated: bool) -> Option<WindowSolution> {
+    let (status, rest) = (Status::Optimal, WindowSolution::default());
+    Some(WindowSolution { status, active, filtered, downdated, ..rest })
 }

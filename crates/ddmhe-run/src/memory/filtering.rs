@@ -227,6 +227,11 @@ impl Filtering {
         self.unfiltered = 0;
     }
 
+    /// Where the covariance of x̂(t) is (n × n), unless it is the stationary one.
+    pub fn covariance(&self, depth: usize, n: usize) -> Option<Range<usize>> {
+        (self.found == Some(Way::Losses)).then(|| self.losses.covariance(depth, n))
+    }
+
     /// Whether the estimates that are kept are one filter's.
     pub fn is_chain(&self) -> bool {
         self.chain

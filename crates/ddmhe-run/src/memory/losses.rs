@@ -74,6 +74,11 @@ impl Losses {
         [states..states + (depth + 1) * n, disturbances..disturbances + depth * n]
     }
 
+    /// Where P after a window of this depth is (n × n).
+    pub fn covariance(&self, depth: usize, n: usize) -> Range<usize> {
+        self.predicted + depth * n * n..self.predicted + (depth + 1) * n * n
+    }
+
     /// Where what the prior's weight lacks is, unless P(t-m) is the stationary one.
     pub fn loss(&self, n: usize) -> Option<Range<usize>> {
         (!self.usual).then_some(self.loss..self.loss + n * n)

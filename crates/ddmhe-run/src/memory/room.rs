@@ -1,6 +1,7 @@
 //! The room that a step works in.
 
 use crate::active_set::priced::priced_len;
+use crate::evidence::sensitivity_len;
 use crate::kalman;
 use crate::panels::padded;
 use crate::plan::common::Sizes;
@@ -15,6 +16,7 @@ pub(super) struct Room {
     pub block: usize,
     pub moved: usize,
     pub smoothing: usize,
+    pub sensitivity: usize,
     pub sides: usize,
 }
 
@@ -29,11 +31,16 @@ impl Room {
             block: padded(p * p),
             moved: padded(n),
             smoothing: if sizes.recorded { kalman::room(n, p) } else { 0 },
+            sensitivity: if sizes.judged() { padded(sensitivity_len(n, p, r)) } else { 0 },
             sides: padded(r),
         }
     }
 
     pub fn len_before_sides(&self) -> usize {
+        self.sensitivity_at() + self.sensitivity
+    }
+
+    pub fn sensitivity_at(&self) -> usize {
         let Room { rank, window, outputs, hessian_factor, block, moved, smoothing, .. } = *self;
         2 * rank + 3 * window + outputs + hessian_factor + block + moved + smoothing
     }

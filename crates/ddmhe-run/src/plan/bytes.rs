@@ -1,5 +1,6 @@
 //! Plans as bytes, and back.
 
+use crate::evidence::Rule;
 use crate::layout::Layout;
 use crate::plan::common::{Common, HEADER, Margin, Shared, Sizes};
 use crate::plan::depth::{Depth, HEAD, Kind};
@@ -8,7 +9,7 @@ use core::fmt;
 
 const MAGIC: u64 = u64::from_le_bytes(*b"ddmheplN");
 /// Goes up with every change of what a plan holds.
-const FORMAT: f64 = 3.0;
+const FORMAT: f64 = 4.0;
 /// Where the checksum is, which is of everything else.
 const SUM: usize = 3;
 /// Where the prices of leaving bounds are.
@@ -96,6 +97,7 @@ impl Common {
             driven,
             recorded,
             soft,
+            self.sizes.drifts,
         ]);
         numbers[12] = self.rho;
         numbers[13] = self.unit;
@@ -103,6 +105,7 @@ impl Common {
             at.copy_from_slice(&[margin.per_largest, margin.per_smallest]);
         }
         (numbers[20], numbers[21], numbers[22]) = (m as f64, lag as f64, self.price);
+        numbers[23] = f64::from(self.sizes.rule.code());
         numbers[PRICES..PRICES + 3].copy_from_slice(&[prices.x, prices.v, prices.w]);
     }
 
@@ -114,7 +117,7 @@ impl Common {
             *size = whole(*number)?;
         }
         let [n, p, horizon, rank, filled, depths, opening] = sizes;
-        let bits = known_flags(numbers[11], 8)?;
+        let bits = known_flags(numbers[11], 9)?;
         let [x, v, w] = [0, 1, 2].map(|i| numbers[PRICES + i]);
         let prices = Prices { x, v, w };
         let nothing = prices.w > 0.0 && !bit(bits, 5); // to be left
@@ -122,6 +125,7 @@ impl Common {
             return None;
         }
         let (m, lag) = (whole(numbers[20])?, whole(numbers[21])?);
+        let rule = Rule::from_code(u32::try_from(whole(numbers[23])?).ok()?)?;
         let sizes = Sizes {
             n,
             p,
@@ -138,9 +142,12 @@ impl Common {
             driven: bit(bits, 5),
             recorded: bit(bits, 6),
             prices,
+            rule,
+            drifts: bit(bits, 8),
         };
         let some = n > 0 && p > 0 && horizon > 0 && rank > 0 && depths > 0 && lag > 0;
-        if !some || filled > horizon || !sizes.countable(largest) {
+        let unlike = (rule == Rule::Filter) != (sizes.recorded && sizes.judged());
+        if !some || filled > horizon || unlike || !sizes.countable(largest) {
             return None;
         }
         let margin = |at: usize| Margin { per_largest: numbers[at], per_smallest: numbers[at + 1] };
@@ -158,10 +165,12 @@ impl Common {
 impl Depth {
     /// Into the header of its own numbers.
     pub fn write_header(&self, numbers: &mut [f64]) {
-        let Kind { centered, plain_prior, surplus, for_pattern, filtered } = self.kind;
+        let Kind { centered, plain_prior, surplus, for_pattern, filtered, .. } = self.kind;
+        let Kind { penalised, judged, .. } = self.kind;
         let Layout { n, p, depth, .. } = self.layout;
         [n, p, depth, self.rank].iter().zip(&mut *numbers).for_each(|(s, at)| *at = *s as f64);
-        numbers[4] = flags(&[centered, plain_prior, surplus, for_pattern, filtered]);
+        numbers[4] =
+            flags(&[centered, plain_prior, surplus, for_pattern, filtered, penalised, judged]);
         numbers[5] = self.prior_weight;
     }
 }
@@ -184,7 +193,7 @@ fn block<'a>(numbers: &'a [f64], at: usize, sizes: &Sizes) -> Option<(Depth, &'a
     let rest = numbers.get(at..)?;
     let head = rest.get(..HEAD)?;
     let (n, p, depth) = (whole(head[0])?, whole(head[1])?, whole(head[2])?);
-    let (rank, bits) = (whole(head[3])?, known_flags(head[4], 5)?);
+    let (rank, bits) = (whole(head[3])?, known_flags(head[4], 7)?);
     let within = n == sizes.n && p == sizes.p && (1..=sizes.horizon).contains(&depth);
     if !within || !(1..=sizes.rank).contains(&rank) {
         return None;
@@ -195,8 +204,10 @@ fn block<'a>(numbers: &'a [f64], at: usize, sizes: &Sizes) -> Option<(Depth, &'a
         surplus: bit(bits, 2),
         for_pattern: bit(bits, 3),
         filtered: bit(bits, 4),
+        penalised: bit(bits, 5),
+        judged: bit(bits, 6),
     };
-    if kind.filtered && !sizes.recorded {
+    if kind.filtered && !sizes.recorded || kind.judged != sizes.judged() {
         return None;
     }
     let layout = sizes.layout(depth);

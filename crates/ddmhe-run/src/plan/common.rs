@@ -1,5 +1,6 @@
 //! What all depths of a plan share.
 
+use crate::evidence::{OfPlan, PlanSpans, Rule};
 use crate::kalman::{Kalman, KalmanSpans};
 use crate::layout::Layout;
 use crate::plan::span::{Cursor, Span};
@@ -67,6 +68,10 @@ pub struct Sizes {
     pub recorded: bool,
     /// Of leaving the bounds.
     pub prices: Prices,
+    /// What the evidence on estimates follows.
+    pub rule: Rule,
+    /// Whether each sample adds to the covariance of unseen states.
+    pub drifts: bool,
 }
 
 impl Sizes {
@@ -101,6 +106,12 @@ impl Sizes {
     /// n, p and m.
     pub(crate) fn channels(self) -> [usize; 3] {
         [self.n, self.p, self.m]
+    }
+
+    /// Whether estimates carry evidence.
+    #[inline(always)]
+    pub fn judged(&self) -> bool {
+        self.rule != Rule::Off
     }
 
     /// Of the response to known inputs.
@@ -164,6 +175,8 @@ pub struct Common {
     pub inputs: Span,
     /// The filter that a window without bounds is, with the weights of the recording.
     pub kalman: KalmanSpans,
+    /// What the evidence on estimates is made with.
+    pub evidence: PlanSpans,
     /// Numbers in the block, header included.
     pub len: usize,
 }
@@ -204,6 +217,7 @@ impl Common {
             outputs: next.take(filled * p),
             inputs: next.take(filled * m),
             kalman: KalmanSpans::new(sizes.channels(), sizes.recorded, &mut next),
+            evidence: PlanSpans::new([n, p, m, M], (sizes.judged(), sizes.plain_noise), &mut next),
             len: 0,
         };
         common.len = next.0;
@@ -246,6 +260,8 @@ pub struct Shared<'a> {
     pub(crate) outputs: &'a [f64],
     pub(crate) inputs: &'a [f64],
     pub(crate) kalman: Option<Kalman<'a>>,
+    /// What the evidence on estimates is made with, where there is any.
+    pub evidence: Option<OfPlan<'a>>,
 }
 
 impl<'a> Shared<'a> {
@@ -286,6 +302,10 @@ impl<'a> Shared<'a> {
                 .sizes
                 .recorded
                 .then(|| Kalman::new(common.sizes.channels(), common.kalman, numbers)),
+            evidence: common
+                .sizes
+                .judged()
+                .then(|| OfPlan::new(common.sizes, common.evidence, numbers)),
         }
     }
 

@@ -1,6 +1,7 @@
 //! The block of one depth of a plan, and which depths are kept.
 
 use crate::active_set::rows::Rows;
+use crate::evidence::DepthSpans;
 use crate::layout::Layout;
 use crate::panels::{padded, panels_len};
 use crate::plan::span::{Cursor, Span};
@@ -22,6 +23,10 @@ pub struct Kind {
     pub for_pattern: bool,
     /// Whether its minimiser is a Kalman filter's where no bound is active.
     pub filtered: bool,
+    /// Whether ‖α‖² has a weight.
+    pub penalised: bool,
+    /// Whether its answers carry evidence.
+    pub judged: bool,
 }
 
 /// The block of one depth: where its arrays are. All in scaled units, but for the state and
@@ -64,6 +69,8 @@ pub struct Depth {
     pub center: Span,
     /// K_c in panels (r × m p), if centred.
     pub center_gain: Span,
+    /// What the evidence on its answers is made with.
+    pub evidence: DepthSpans,
     /// Numbers in the block, header included.
     pub len: usize,
 }
@@ -94,6 +101,7 @@ impl Depth {
             prior: next.take(if kind.plain_prior { n } else { n * n }),
             center: next.take(centered(padded(rank))),
             center_gain: next.take(centered(panels_len(rank, outputs))),
+            evidence: DepthSpans::new([n, layout.p], kind.judged, &mut next),
             len: 0,
         };
         depth.len = next.0;

@@ -1,0 +1,422 @@
+//! What the evidence on estimates is made with: see [`ddmhe_run::evidence`] for what becomes of it.
+//!
+//! Windows that are held out of the recording ([`replay`]) say what V, errors and innovations are
+//! where the motion is like the recording. With v = V/V₀, V₀ the mean of V,
+//!
+//! > Q₀ = C (Σ e eᵀ) C / Σ s(v),  C = diag c_i,  c_i = max(1, q_.997(|e_i| / √(s(v) Q₀ᵢᵢ)) / 3)
+//!
+//! so that 3 √(s Q₀ᵢᵢ) holds 99.7 % of the held-out errors; the variances of the innovations alike.
+//! A window is novel above three times the largest V, or J, of these. Their root-mean-square error is
+//! what the recording promises, state by state.
+//!
+//! *Stated noise* beyond the recording's, of covariance R, adds Γ (I ⊗ R) Γᵀ to Q₀ with Γ: y → x̂(t),
+//! and its mean to V₀. An exact recording shows no noise: with stated noise Q₀ and V₀ are these alone.
+//!
+//! *The weights of the recording*: V is Σ‖ν‖² of the innovations of a Kalman filter, a χ² of m p
+//! degrees.
+
+pub(crate) mod replay;
+
+use crate::config::Config;
+use crate::driving::Driving;
+use crate::error::Error;
+use crate::history::History;
+use crate::reduction::Reduced;
+use crate::scaling::{EXACT, Scaling};
+use crate::variation::fifth_differences;
+use crate::weights::Weights;
+use ddmhe_run::evidence::Rule;
+use ddmhe_run::evidence::formulas::inflation;
+use ddmhe_run::layout::Layout;
+use faer::Mat;
+use replay::{Replayed, Setup, deleted, replay};
+
+/// A window is novel above so many times the largest V of held-out windows.
+const NOVEL: f64 = 3.0;
+/// An estimate is uncertain above this share of the recorded spread …
+const SPREAD: f64 = 0.5;
+/// … and so many times what held-out windows were off.
+const PROMISE: f64 = 3.0;
+/// Share of held-out errors within three deviations.
+const COVERED: f64 = 0.997;
+/// An output is stuck after so many equal values, or so many times the longest run recorded.
+const PATIENCE: (f64, f64) = (10.0, 3.0);
+/// Of its range, how far a channel may leave it.
+const BEYOND: f64 = 0.25;
+/// Standard deviations that a V of stated noise may be above its mean, by Wilson and Hilferty: once
+/// in a million windows.
+const RARE: f64 = 4.75;
+
+/// What windows of one depth are measured by, in scaled units.
+#[derive(Debug, Clone)]
+pub(crate) struct Reference {
+    pub depth: usize,
+    /// V₀, and what V and J are novel above.
+    pub levels: [f64; 3],
+    /// Q₀ (n × n).
+    pub error: Mat<f64>,
+    /// Variances of the innovations (p).
+    pub innovation: Vec<f64>,
+}
+
+/// What all depths are measured by.
+#[derive(Debug, Clone)]
+pub(crate) struct Calibration {
+    pub rule: Rule,
+    references: Vec<Reference>, // ascending
+    opening: Vec<Reference>,    // of a run from an unknown state
+    /// Root-mean-square error of held-out windows of the horizon (n), in the user's units; NaN where
+    /// nothing could be held out.
+    pub promise: Vec<f64>,
+    /// Variance of the reading noise of the states, in the user's units (n).
+    pub start: Vec<f64>,
+}
+
+impl Calibration {
+    /// From windows that are held out of the recording; None where none is asked for.
+    pub fn new(
+        history: &History,
+        config: &Config,
+        setup: Setup<'_>,
+        horizon: usize,
+    ) -> Result<Option<Self>, Error> {
+        if !config.evidence {
+            return Ok(None);
+        }
+        let (scaling, n) = (setup.scaling, history.n());
+        let exact = scaling.misfit(&scaling.one_step).into_iter().fold(0.0, f64::max) < EXACT;
+        let recorded = setup.driving.is_some_and(|driving| driving.stationary.is_some());
+        let stated = config.output_noise.is_some();
+        let rule = match (recorded, exact, stated) {
+            (true, ..) => Rule::Filter,
+            (false, true, true) => Rule::Stated,
+            (false, true, false) => Rule::Exact,
+            (false, false, _) => Rule::Curved,
+        };
+        let replayed = replay(history, setup, horizon)?;
+        let references = replayed.iter().map(|(depth, of)| Reference::new(rule, *depth, of));
+        let references: Vec<Reference> = references.collect();
+        let promise = match replayed.last() {
+            Some((_, of)) => of.rms().iter().zip(&scaling.s_x).map(|(e, s)| e * s).collect(),
+            None => vec![f64::NAN; n],
+        };
+        let start = (0..n).map(|i| fifth_differences(history, History::states, (i, n))).collect();
+        Ok(Some(Calibration { rule, references, opening: Vec::new(), promise, start }))
+    }
+
+    /// With what the first windows of a run from an unknown state are measured by.
+    pub fn open(
+        &mut self,
+        history: &History,
+        setup: Setup<'_>,
+        horizon: usize,
+    ) -> Result<(), Error> {
+        let replayed = replay(history, Setup { unknown: true, ..setup }, horizon)?;
+        let rule = self.rule;
+        self.opening =
+            replayed.iter().map(|(depth, of)| Reference::new(rule, *depth, of)).collect();
+        Ok(())
+    }
+
+    /// What a window of this depth is measured by: the deepest that was replayed and is not deeper.
+    fn reference(&self, depth: usize, opening: bool) -> Option<&Reference> {
+        let all = if opening { &self.opening } else { &self.references };
+        all.iter().rev().find(|of| of.depth <= depth).or_else(|| all.first())
+    }
+}
+
+impl Reference {
+    fn new(rule: Rule, depth: usize, of: &Replayed) -> Self {
+        let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len() as f64;
+        let most = |values: &[f64]| values.iter().copied().fold(0.0, f64::max);
+        let V_0 = mean(&of.V).max(f64::MIN_POSITIVE.sqrt());
+        let levels = [V_0, NOVEL * most(&of.V).max(V_0), NOVEL * most(&of.J).max(V_0)];
+        let s: Vec<f64> = of.V.iter().map(|V| inflation(rule, V / V_0, f64::INFINITY)).collect();
+        let error = covering(&of.errors, &s);
+        let innovations = covering(&of.innovations, &s);
+        let innovation = innovations.diagonal().column_vector().iter().copied().collect();
+        Reference { depth, levels, innovation, error }
+    }
+}
+
+/// C (Σ e eᵀ) C / Σ s, of vectors e and their s: three deviations cover [`COVERED`] of each entry.
+fn covering(vectors: &[Vec<f64>], s: &[f64]) -> Mat<f64> {
+    let n = vectors.first().map_or(0, Vec::len);
+    let total = s.iter().sum::<f64>().max(f64::MIN_POSITIVE);
+    let moment = |i: usize, j: usize| vectors.iter().map(|e| e[i] * e[j]).sum::<f64>() / total;
+    let Q = Mat::from_fn(n, n, moment);
+    let factor = |i: usize| {
+        let deviation = |(e, s): (&Vec<f64>, &f64)| e[i].abs() / (s * Q[(i, i)]).sqrt();
+        let mut all: Vec<f64> = vectors.iter().zip(s).map(deviation).collect();
+        all.retain(|v| v.is_finite());
+        (quantile(&mut all, COVERED) / 3.0).max(1.0)
+    };
+    let c: Vec<f64> = (0..n).map(factor).collect();
+    Mat::from_fn(n, n, |i, j| Q[(i, j)] * c[i] * c[j])
+}
+
+/// Between order statistics, linearly; 0 of no values.
+fn quantile(values: &mut [f64], share: f64) -> f64 {
+    values.sort_by(f64::total_cmp);
+    let Some(last) = values.len().checked_sub(1) else { return 0.0 };
+    let at = share * last as f64;
+    let (below, part) = (at.floor() as usize, at.fract());
+    values[below] + part * (values[(below + 1).min(last)] - values[below])
+}
+
+impl Replayed {
+    /// Root-mean-square error, state by state.
+    fn rms(&self) -> Vec<f64> {
+        let n = self.errors.first().map_or(0, Vec::len);
+        let mean = |i: usize| self.errors.iter().map(|e| e[i] * e[i]).sum::<f64>();
+        (0..n).map(|i| (mean(i) / self.errors.len() as f64).sqrt()).collect()
+    }
+}
+
+/// How the answer of one depth depends on x̄ and on the outputs, in scaled units.
+pub(crate) struct Maps {
+    carry: Mat<f64>,    // Φ (n × n)
+    deleted: Mat<f64>,  // (p × p)
+    of_prior: Mat<f64>, // what an error of x̄ makes of the innovation (p × n)
+    noise: Noise,
+}
+
+/// What stated noise adds.
+struct Noise {
+    error: Mat<f64>,      // to Q₀ (n × n)
+    innovation: Vec<f64>, // to the variances of the innovations (p)
+    V: [f64; 2],          // mean and variance of V of it alone
+}
+
+impl Maps {
+    /// `noise`: variances of the outputs beyond what the recording has (p).
+    pub fn new(layout: Layout, reduced: &Reduced, weights: &Weights, noise: &[f64]) -> Self {
+        let (n, p, K) = (layout.n, layout.p, &reduced.K);
+        let rows = |first: usize, count: usize| reduced.A.subrows(first, count);
+        let (last, newest) = (layout.x(layout.depth).start, layout.y(layout.depth - 1).start);
+        let carry = rows(last, n) * K.subcols(0, n);
+        let deleted = deleted(reduced, layout);
+        let of_prior = &deleted * (rows(newest, p) * K.subcols(0, n));
+        let noise = Noise::new(layout, reduced, weights, (&deleted, noise));
+        Maps { carry, deleted, of_prior, noise }
+    }
+}
+
+impl Noise {
+    fn new(
+        layout: Layout,
+        Reduced { K, A, .. }: &Reduced,
+        weights: &Weights,
+        (deleted, noise): (&Mat<f64>, &[f64]),
+    ) -> Self {
+        let (n, p, m) = (layout.n, layout.p, layout.depth);
+        let none = Noise { error: Mat::zeros(n, n), innovation: vec![0.0; p], V: [0.0; 2] };
+        if noise.iter().all(|variance| *variance == 0.0) {
+            return none;
+        }
+        let (last, newest) = (layout.x(m).start, layout.y(m - 1).start);
+        let K_y = K.subcols(n, m * p);
+        let (gain, of_newest) = (A.subrows(last, n) * K_y, A.subrows(newest, p) * K_y);
+        let of = |k: usize| noise[k % p];
+        let sum = |a: &dyn Fn(usize) -> f64| (0..m * p).map(|k| of(k) * a(k)).sum::<f64>();
+        let error = Mat::from_fn(n, n, |i, j| sum(&|k| gain[(i, k)] * gain[(j, k)]));
+        let left = Mat::from_fn(p, m * p, |i, k| {
+            f64::from(u8::from(k == (m - 1) * p + i)) - of_newest[(i, k)]
+        });
+        let own = deleted * left;
+        let innovation = (0..p).map(|i| sum(&|k| own[(i, k)] * own[(i, k)])).collect();
+        // V = yᵀW (I - H) y
+        let (mut mean, mut variance) = (0.0, 0.0);
+        for k in 0..m {
+            let W = weights.noise(m - k, &vec![true; p]);
+            let W = W.transpose() * &W;
+            let y = layout.y(k).start;
+            for i in 0..p {
+                let column = K_y.col(k * p + i);
+                let fitted = |l: usize| A.row(y + l) * column;
+                let own = W[(i, i)] - (0..p).map(|l| W[(i, l)] * fitted(l)).sum::<f64>();
+                mean += noise[i] * own;
+                variance += 2.0 * (noise[i] * own).powi(2);
+            }
+        }
+        let unit = weights.unit;
+        Noise { error, innovation, V: [unit * mean, unit * unit * variance] }
+    }
+
+    /// What V of it is above once in a million windows, as if it were χ² (Wilson and Hilferty).
+    fn rare(&self) -> f64 {
+        let [mean, variance] = self.V;
+        if mean > 0.0 { rare(mean, 2.0 * mean * mean / variance) } else { 0.0 }
+    }
+}
+
+/// What a χ² of these degrees, scaled to this mean, exceeds once in a million times.
+fn rare(mean: f64, degrees: f64) -> f64 {
+    let part = 2.0 / (9.0 * degrees);
+    mean * (1.0 - part + RARE * part.sqrt()).powi(3)
+}
+
+/// What a depth is measured by, in the user's units: see [`ddmhe_run::evidence::OfDepth`].
+pub(crate) struct DepthNumbers {
+    pub levels: [f64; 3],
+    pub carry: Vec<f64>,
+    pub error: Vec<f64>,
+    pub deleted: Vec<f64>,
+    pub of_prior: Vec<f64>,
+    pub innovation: Vec<f64>,
+}
+
+impl Calibration {
+    /// Of one depth; `opening`: of a run from an unknown state, whose x̄ is no estimate.
+    pub fn of_depth(
+        &self,
+        (layout, opening): (Layout, bool),
+        maps: &Maps,
+        (scaling, driving): (&Scaling, Option<&Driving>),
+    ) -> DepthNumbers {
+        let (n, p) = (layout.n, layout.p);
+        let (s_x, s_y) = (&scaling.s_x, &scaling.s_y);
+        let entries = |M: &Mat<f64>, of: &dyn Fn(usize, usize) -> f64| -> Vec<f64> {
+            let columns = M.ncols();
+            let entry = |k: usize| (k / columns, k % columns);
+            (0..M.nrows() * columns).map(entry).map(|(i, j)| M[(i, j)] * of(i, j)).collect()
+        };
+        let Maps { carry, deleted, of_prior, noise } = maps;
+        let kept = |M: &Mat<f64>| if opening { Mat::zeros(M.nrows(), n) } else { M.clone() };
+        if self.rule == Rule::Filter
+            && let Some(driving) = driving
+        {
+            let degrees = (layout.depth * p) as f64;
+            return DepthNumbers {
+                levels: [degrees, rare(degrees, degrees), f64::INFINITY],
+                carry: vec![0.0; n * n],
+                error: vec![0.0; n * n],
+                deleted: vec![0.0; p * p],
+                of_prior: entries(&driving.model.C, &|i, j| s_y[i] / s_x[j]),
+                innovation: driving.R.iter().zip(s_y).map(|(R, s)| R * s * s).collect(),
+            };
+        }
+        let none = Reference {
+            depth: 1,
+            levels: [f64::MIN_POSITIVE.sqrt(), f64::INFINITY, f64::INFINITY],
+            error: Mat::zeros(n, n),
+            innovation: vec![0.0; p],
+        };
+        let of = self.reference(layout.depth, opening).unwrap_or(&none);
+        let error = Mat::from_fn(n, n, |i, j| of.error[(i, j)] + noise.error[(i, j)]);
+        let innovation = of.innovation.iter().zip(&noise.innovation).map(|(own, more)| own + more);
+        let [V_0, V_most, J_most] = of.levels;
+        let more = noise.rare();
+        DepthNumbers {
+            levels: [V_0 + noise.V[0], V_most + more, J_most + more],
+            carry: entries(&kept(carry), &|i, j| s_x[i] / s_x[j]),
+            error: entries(&error, &|i, j| s_x[i] * s_x[j]),
+            deleted: entries(deleted, &|i, j| s_y[i] / s_y[j]),
+            of_prior: entries(&kept(of_prior), &|i, j| s_y[i] / s_x[j]),
+            innovation: innovation.zip(s_y).map(|(own, s)| own * s * s).collect(),
+        }
+    }
+
+    /// Of all depths: see [`ddmhe_run::evidence::OfPlan`].
+    pub fn of_plan(
+        &self,
+        history: &History,
+        config: &Config,
+        (scaling, driving): (&Scaling, Option<&Driving>),
+    ) -> PlanNumbers {
+        let (n, p, m) = (history.n(), history.p(), history.m());
+        let promise = |i: usize| if self.promise[i].is_nan() { 0.0 } else { self.promise[i] };
+        let spread = &scaling.unit_x;
+        let uncertain = |i: usize| (SPREAD * spread[i]).max(PROMISE * promise(i)).powi(2);
+        let stationary = driving.and_then(|driving| driving.stationary.as_ref());
+        let start = |i: usize, j: usize| match stationary {
+            Some(P) => P[(i, j)] * scaling.s_x[i] * scaling.s_x[j],
+            None if i == j => self.start[i],
+            None => 0.0,
+        };
+        let range = |signal: fn(&History, usize) -> &[f64], width: usize, i: usize| {
+            let values = (0..history.recordings())
+                .flat_map(|r| signal(history, r).iter().skip(i).step_by(width));
+            let (lo, hi) = values
+                .fold((f64::INFINITY, f64::NEG_INFINITY), |(lo, hi), v| (lo.min(*v), hi.max(*v)));
+            (lo, hi, BEYOND * (hi - lo) + ROUNDING * lo.abs().max(hi.abs()))
+        };
+        let x: Vec<(f64, f64, f64)> = (0..n).map(|i| range(History::states, n, i)).collect();
+        let scaled = |i: usize, u: f64| (u - scaling.mean_u[i]) / scaling.unit_u[i];
+        let u: Vec<(f64, f64)> = (0..m)
+            .map(|i| {
+                let (lo, hi, more) = range(History::inputs, m, i);
+                (scaled(i, lo - more), scaled(i, hi + more))
+            })
+            .collect();
+        let patience = |i: usize| PATIENCE.0.max(PATIENCE.1 * longest_run(history, i) as f64);
+        PlanNumbers {
+            start: (0..n * n).map(|k| start(k / n, k % n)).collect(),
+            per_spread: spread.iter().map(|s| 1.0 / (s * s)).collect(),
+            uncertain: (0..n).map(uncertain).collect(),
+            x_range: [
+                x.iter().map(|(lo, _, more)| lo - more).collect(),
+                x.iter().map(|(_, hi, more)| hi + more).collect(),
+            ],
+            u_range: [u.iter().map(|(lo, _)| *lo).collect(), u.iter().map(|(_, hi)| *hi).collect()],
+            patience: (0..p).map(patience).collect(),
+            drift: config.drift.clone().unwrap_or_default(),
+        }
+    }
+}
+
+/// A channel that never moved may be off by this share of its magnitude.
+const ROUNDING: f64 = 1e-9;
+
+/// What all depths are measured by, in the user's units.
+pub(crate) struct PlanNumbers {
+    pub start: Vec<f64>,
+    pub per_spread: Vec<f64>,
+    pub uncertain: Vec<f64>,
+    pub x_range: [Vec<f64>; 2],
+    pub u_range: [Vec<f64>; 2],
+    pub patience: Vec<f64>,
+    pub drift: Vec<f64>,
+}
+
+/// The longest run of equal values of an output.
+fn longest_run(history: &History, i: usize) -> usize {
+    let p = history.p();
+    let of = |r: usize| {
+        let values: Vec<f64> = history.outputs(r).iter().skip(i).step_by(p).copied().collect();
+        values.chunk_by(|a, b| a == b).map(<[f64]>::len).max().unwrap_or(0)
+    };
+    (0..history.recordings()).map(of).max().unwrap_or(0)
+}
+
+/// Variances of stated noise beyond what the recording has, in scaled units (p); none stated: zeros.
+pub(crate) fn stated_beyond(config: &Config, scaling: &Scaling) -> Vec<f64> {
+    let p = scaling.s_y.len();
+    let Some(stated) = &config.output_noise else { return vec![0.0; p] };
+    let beyond = |i: usize| {
+        let stated = stated[i % stated.len()];
+        (stated * stated - scaling.noise_y[i]).max(0.0) / (scaling.s_y[i] * scaling.s_y[i])
+    };
+    (0..p).map(beyond).collect()
+}
+
+/// What the recording cannot promise, in words.
+pub(crate) fn words(evidence: &Calibration, scaling: &Scaling) -> Vec<String> {
+    if evidence.promise.iter().all(|h| h.is_nan()) {
+        return vec![
+            "the recording is too short to hold windows out of it: it cannot say how far off \
+            estimates may be"
+                .into(),
+        ];
+    }
+    let broken = evidence.promise.iter().zip(&scaling.unit_x).enumerate();
+    broken
+        .filter(|(_, (h, spread))| **h > SPREAD * **spread)
+        .map(|(i, (h, spread))| {
+            format!(
+                "the recording cannot promise state {i} (counted from 0): windows that were held \
+                out of it are off by {h:.3e}, and it moves by {spread:.3e} (standard deviations)"
+            )
+        })
+        .collect()
+}

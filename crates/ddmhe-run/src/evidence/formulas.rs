@@ -1,0 +1,80 @@
+//! The covariance of an estimate from that of its prior: small matrices by rows.
+
+use crate::evidence::Rule;
+use crate::panels::{Root, dot};
+
+/// Largest Σ_i (standard deviation / recorded spread)² that is handed out: beyond it every state is
+/// anywhere.
+pub const ANYWHERE: f64 = 1e12;
+
+/// Of an unknown state: the variance of its prior in units of the recorded one.
+pub const WIDE: f64 = 10.0;
+
+/// s(v) of the [rules](Rule): what Q₀ is multiplied with. `limit` is what v is novel above.
+#[inline(always)]
+pub fn inflation(rule: Rule, v: f64, limit: f64) -> f64 {
+    match rule {
+        Rule::Curved if v > 1.0 => v * v.root(),
+        Rule::Stated | Rule::Filter if v <= limit => 1.0,
+        _ => v,
+    }
+}
+
+/// L Σ Rᵀ for Σ (n × n, symmetric) and L, R of rows of n, into `out`; `work` is for as many numbers
+/// as L has.
+#[inline(always)]
+pub fn sandwich(L: &[f64], sigma: &[f64], n: usize, work: &mut [f64], out: &mut [f64]) {
+    let rows = L.len() / n;
+    for (row, work) in L.chunks_exact(n).zip(work.chunks_exact_mut(n)) {
+        for (j, entry) in work.iter_mut().enumerate() {
+            *entry = dot(row, &sigma[j * n..(j + 1) * n]);
+        }
+    }
+    for i in 0..rows {
+        for j in 0..=i {
+            let entry = dot(&work[i * n..(i + 1) * n], &L[j * n..(j + 1) * n]);
+            (out[i * rows + j], out[j * rows + i]) = (entry, entry);
+        }
+    }
+}
+
+/// Σ_i M_ii w_i.
+#[inline(always)]
+pub fn weighted_trace(M: &[f64], weights: &[f64]) -> f64 {
+    let n = weights.len();
+    weights.iter().enumerate().map(|(i, w)| w * M[i * n + i]).sum()
+}
+
+/// Σ = A (1 + 1/κ) + Q (1 + κ) in the place of A, for Q = s Q₀; A + Q where the two errors are
+/// independent.
+#[inline(always)]
+pub fn join(A: &mut [f64], Q_0: &[f64], s: f64, per_spread: &[f64], independent: bool) {
+    let (a, q) = (weighted_trace(A, per_spread), s * weighted_trace(Q_0, per_spread));
+    let kappa = if independent || !(a > 0.0 && q > 0.0) { None } else { Some((a / q).root()) };
+    let (of_a, of_q) = kappa.map_or((1.0, s), |kappa| (1.0 + 1.0 / kappa, s * (1.0 + kappa)));
+    A.iter_mut().zip(Q_0).for_each(|(a, q)| *a = *a * of_a + q * of_q);
+}
+
+/// Σ, no larger than [`ANYWHERE`], which is also what becomes of one that is no number.
+#[inline(always)]
+pub fn limited(sigma: &mut [f64], per_spread: &[f64]) {
+    let size = weighted_trace(sigma, per_spread);
+    if size <= ANYWHERE {
+        return;
+    }
+    anywhere(sigma, per_spread);
+}
+
+/// The covariance of a state that may be anywhere.
+#[cold]
+pub fn anywhere(sigma: &mut [f64], per_spread: &[f64]) {
+    wide(sigma, per_spread, ANYWHERE / per_spread.len() as f64);
+}
+
+/// That of one whose states deviate by √`times` recorded spreads.
+#[cold]
+pub fn wide(sigma: &mut [f64], per_spread: &[f64], times: f64) {
+    let n = per_spread.len();
+    sigma.fill(0.0);
+    (0..n).for_each(|i| sigma[i * n + i] = times / per_spread[i]);
+}

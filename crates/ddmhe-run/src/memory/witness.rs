@@ -1,0 +1,296 @@
+//! The evidence on the estimates of a window: see [`evidence`](crate::evidence).
+
+use crate::evidence::formulas::{WIDE, anywhere, inflation, join, limited, sandwich, wide};
+use crate::evidence::{Evidence, OfDepth, OfPlan, Reasons, Rule, Sensitivity};
+use crate::memory::stretches::samples;
+use crate::panels::{dot, padded};
+use crate::plan::common::Sizes;
+use crate::sliding::SlidingBuffer;
+use core::ops::Range;
+
+/// What a window told of itself.
+#[derive(Debug, Clone)]
+pub struct Told<'a> {
+    /// The numbers of all depths, and of this one.
+    pub known: (&'a OfPlan<'a>, &'a OfDepth<'a>),
+    /// V and J, in the units of the cost.
+    pub sizes: [f64; 2],
+    /// Outputs in the window that were measured.
+    pub measured: usize,
+    /// Whether the maps of its own problem are in the room.
+    pub reweighted: bool,
+    /// Whether there is a minimiser; without, nothing is known of the state.
+    pub minimised: bool,
+    /// Fitted noise of the newest output (p), NaN where not measured.
+    pub newest: &'a [f64],
+    /// x̂(t) (n).
+    pub x: &'a [f64],
+    /// Where u(t-1) (m) is in the block, in scaled units.
+    pub u: Range<usize>,
+}
+
+/// Where what is kept of it is; nothing where no evidence is asked for.
+#[derive(Debug, Clone)]
+pub(super) struct Witness {
+    covariances: SlidingBuffer, // Σ of each state that is kept
+    last: usize,                // of each output the newest that was measured (p)
+    repeats: usize,             // how often in a row (p)
+    innovation: usize,          // (p)
+    variance: usize,            // its (p)
+    prior: usize,               // Σ(t-m) (n × n)
+    work: usize,                // n × n, or p × n
+    pub end: usize,
+    judged: Judged,
+}
+
+/// What is kept beside numbers of the block, and saved.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Judged {
+    /// Steps since a window was novel, up to the horizon.
+    pub since: usize,
+    /// s of the step before.
+    pub inflation: f64,
+    /// Of the newest estimate.
+    pub reasons: Reasons,
+    /// V / V₀ of its window.
+    pub value: f64,
+    /// What that is novel above.
+    pub limit: f64,
+}
+
+impl Judged {
+    fn new(horizon: usize) -> Self {
+        let (reasons, value, limit) = (Reasons::default(), 0.0, 0.0);
+        Judged { since: horizon, inflation: 1.0, reasons, value, limit }
+    }
+}
+
+impl Witness {
+    pub fn new(sizes: Sizes, at: usize) -> Self {
+        let Sizes { n, p, horizon, rule, .. } = sizes;
+        let mut next = at;
+        let mut take = |len: usize| {
+            let start = next;
+            next += if rule == Rule::Off { 0 } else { padded(len) };
+            start
+        };
+        let width = if rule == Rule::Off { 0 } else { n * n };
+        let stretch = take(samples(horizon) * n * n);
+        Witness {
+            covariances: SlidingBuffer::new(stretch, width, samples(horizon)),
+            last: take(p),
+            repeats: take(p),
+            innovation: take(p),
+            variance: take(p),
+            prior: take(n * n),
+            work: take(n * n.max(p)),
+            end: next,
+            judged: Judged::new(horizon),
+        }
+    }
+
+    #[inline(always)]
+    pub fn is_used(&self) -> bool {
+        self.covariances.width > 0
+    }
+
+    /// As at the beginning of a run, with so many states in the window; of an unknown one P₀ is as
+    /// wide as the recorded states.
+    pub fn start(
+        &mut self,
+        block: &mut [f64],
+        known: &OfPlan<'_>,
+        (states, unknown): (usize, bool),
+    ) {
+        self.covariances.clear();
+        for _ in 0..states {
+            let at = self.covariances.next(block);
+            block[at.clone()].copy_from_slice(known.start);
+            if unknown {
+                wide(&mut block[at], known.per_spread, WIDE);
+            }
+        }
+        let p = known.patience.len();
+        block[self.last..self.last + p].fill(f64::NAN);
+        block[self.repeats..self.repeats + p].fill(0.0);
+        self.judged = Judged::new(known.horizon);
+    }
+
+    pub fn clear(&mut self) {
+        self.covariances.clear();
+    }
+
+    pub fn forget(&mut self) {
+        if self.is_used() {
+            self.covariances.forget();
+        }
+    }
+
+    /// Takes note of y(t-1) (p, NaN where not measured) as it came.
+    #[inline(always)]
+    pub fn note(&self, block: &mut [f64], y: &[f64]) {
+        let (last, repeats) = block[self.last..].split_at_mut(self.repeats - self.last);
+        for ((y, last), repeats) in y.iter().zip(last).zip(repeats) {
+            if !y.is_nan() {
+                *repeats = if y == last { *repeats + 1.0 } else { 1.0 };
+                *last = *y;
+            }
+        }
+    }
+
+    /// Σ(t), the innovation and what speaks against trust, from what a window of this depth told.
+    #[inline(always)]
+    pub fn judge(
+        &mut self,
+        block: &mut [f64],
+        (depth, maps): (usize, Range<usize>),
+        told: &Told<'_>,
+    ) {
+        let (plan, full) = told.known;
+        let (n, p) = (told.x.len(), told.newest.len());
+        let (share, s) = self.weigh(depth, told);
+        self.covariances.next(block);
+        let kept = self.covariances.last(depth + 1);
+        block.copy_within(kept.start..kept.start + n * n, self.prior);
+        let (known, room) = block.split_at_mut(self.end);
+        let maps = &mut room[maps.start - self.end..maps.end - self.end];
+        let unit = full.levels[0] / (depth * p) as f64;
+        let own = match told.reweighted {
+            true => &Sensitivity::new([n, p], maps).into_depth(full, unit),
+            false => full,
+        };
+        let (known, work) = known.split_at_mut(self.work);
+        let (known, prior) = known.split_at_mut(self.prior);
+        let (known, variance) = known.split_at_mut(self.variance);
+        let (known, innovation) = known.split_at_mut(self.innovation);
+        let now = &mut known[kept.end - n * n..kept.end];
+        let prior = &prior[..n * n];
+        sandwich(own.carry, prior, n, work, now);
+        join(now, own.error, s, plan.per_spread, plan.rule != Rule::Curved);
+        if let Some(drift) = plan.drift {
+            now.iter_mut().zip(drift).for_each(|(sum, drift)| *sum += depth as f64 * drift);
+        }
+        let own_part = self.judged.inflation.max(1.0);
+        for i in 0..p {
+            let row = &own.of_prior[i * n..(i + 1) * n];
+            for (j, entry) in work[..n].iter_mut().enumerate() {
+                *entry = dot(row, &prior[j * n..(j + 1) * n]);
+            }
+            variance[i] = own.innovation[i] * own_part + dot(row, &work[..n]);
+            let part = |(d, v): (&f64, &f64)| if v.is_nan() { 0.0 } else { d * v };
+            let sum = own.deleted[i * p..(i + 1) * p].iter().zip(told.newest).map(part).sum();
+            innovation[i] = if told.newest[i].is_nan() { f64::NAN } else { sum };
+        }
+        self.judged.inflation = s;
+        self.conclude(block, told, share);
+    }
+
+    /// The same with the weights of the recording, given the innovation of each output and how the
+    /// filter's covariance of x̂(t) follows from that of x̂(t-1), or from the block.
+    #[inline(always)]
+    pub fn judge_filter(
+        &mut self,
+        block: &mut [f64],
+        depth: usize,
+        told: &Told<'_>,
+        of_output: impl Fn(&[f64], usize) -> f64,
+        covariance: impl FnOnce(&[f64], &mut [f64], &mut [f64]),
+    ) {
+        let own = told.known.1;
+        let (n, p) = (told.x.len(), told.newest.len());
+        let (share, s) = self.weigh(depth, told);
+        block.copy_within(self.covariances.last(1), self.prior);
+        let now = self.covariances.next(block);
+        for i in 0..p {
+            block[self.innovation + i] = of_output(block, i);
+            let row = &own.of_prior[i * n..(i + 1) * n];
+            let prior = block[self.prior..self.prior + n * n].chunks_exact(n);
+            let along: f64 = row.iter().zip(prior).map(|(a, sigma)| a * dot(row, sigma)).sum();
+            block[self.variance + i] = own.innovation[i] + along;
+        }
+        let (known, room) = block.split_at_mut(self.prior);
+        let (sigma, work) = room.split_at_mut(self.work - self.prior);
+        covariance(known, &mut sigma[..n * n], work);
+        known[now].iter_mut().zip(&*sigma).for_each(|(to, sigma)| *to = sigma * s);
+        self.judged.inflation = s;
+        self.conclude(block, told, share);
+    }
+
+    /// The share of the outputs that were measured, and s of V.
+    #[inline(always)]
+    fn weigh(&mut self, depth: usize, told: &Told<'_>) -> (f64, f64) {
+        let (plan, own) = told.known;
+        let all = depth * told.newest.len();
+        let share = if told.measured == all { 1.0 } else { told.measured as f64 / all as f64 };
+        let [V_0, V_most, _] = own.levels;
+        self.judged.value = if share > 0.0 { told.sizes[0] / (V_0 * share) } else { 0.0 };
+        self.judged.limit = V_most / V_0;
+        (share, inflation(plan.rule, self.judged.value, self.judged.limit))
+    }
+
+    /// What speaks against trust.
+    #[inline(always)]
+    fn conclude(&mut self, block: &mut [f64], told: &Told<'_>, share: f64) {
+        let (plan, own) = told.known;
+        let n = told.x.len();
+        let at = self.covariances.last(1);
+        if !told.minimised {
+            anywhere(&mut block[at.clone()], plan.per_spread);
+        }
+        limited(&mut block[at.clone()], plan.per_spread);
+        let sigma = &block[at];
+        let [J, J_most] = [told.sizes[1], own.levels[2] * share];
+        let novel = !(self.judged.value <= self.judged.limit) || J > J_most || !told.minimised;
+        self.judged.since = if novel { 0 } else { self.judged.since.saturating_add(1) };
+        let doubtful = |(i, most): (usize, &f64)| sigma[i * n + i] > *most;
+        let beyond = |values: &[f64], [lo, hi]: [&[f64]; 2]| {
+            values.iter().zip(lo).zip(hi).any(|((v, lo), hi)| v < lo || v > hi)
+        };
+        let uncertain = plan.uncertain.iter().enumerate().any(doubtful);
+        let outside = beyond(told.x, plan.x_range) || beyond(&block[told.u.clone()], plan.u_range);
+        let repeats = &block[self.repeats..self.repeats + plan.patience.len()];
+        let stuck = repeats.iter().zip(plan.patience).any(|(count, most)| count >= most);
+        self.judged.reasons = Reasons::default()
+            .with(Reasons::NOVEL, self.judged.since < plan.horizon)
+            .with(Reasons::UNCERTAIN, uncertain)
+            .with(Reasons::STUCK, stuck)
+            .with(Reasons::OUTSIDE, outside);
+    }
+
+    /// The evidence on the newest estimate.
+    #[inline(always)]
+    pub fn evidence<'b>(&self, block: &'b [f64], known: &OfPlan<'b>) -> Evidence<'b> {
+        let p = known.patience.len();
+        let Judged { reasons, value, limit, .. } = self.judged;
+        Evidence {
+            covariance: &block[self.covariances.last(1)],
+            reasons,
+            value,
+            limit,
+            innovation: &block[self.innovation..self.innovation + p],
+            innovation_variance: &block[self.variance..self.variance + p],
+            repeats: &block[self.repeats..self.repeats + p],
+            patience: known.patience,
+        }
+    }
+
+    /// What is saved of it: what each output last was and how often, Σ of the states that are kept,
+    /// and the rest.
+    pub fn saved<'b>(&self, block: &'b [f64], p: usize) -> ([&'b [f64]; 3], Judged) {
+        let of = |at: usize| &block[at..at + p];
+        ([of(self.last), of(self.repeats), &block[self.covariances.window()]], self.judged)
+    }
+
+    /// Takes it up again; as many covariances as states are kept.
+    pub fn resume(&mut self, block: &mut [f64], parts: [&[f64]; 3], judged: Judged) {
+        let [last, repeats, covariances] = parts;
+        block[self.last..self.last + last.len()].copy_from_slice(last);
+        block[self.repeats..self.repeats + repeats.len()].copy_from_slice(repeats);
+        self.covariances.clear();
+        for sigma in covariances.chunks_exact(self.covariances.width.max(1)) {
+            let at = self.covariances.next(block);
+            block[at].copy_from_slice(sigma);
+        }
+        self.judged = judged;
+    }
+}
