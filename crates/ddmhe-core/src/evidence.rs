@@ -12,12 +12,13 @@
 //! *Stated noise* beyond the recording's, of covariance R, adds Γ (I ⊗ R) Γᵀ to Q₀ with Γ: y → x̂(t),
 //! and its mean to V₀. An exact recording shows no noise: with stated noise Q₀ and V₀ are these alone.
 //!
-//! *The weights of the recording*: V is Σ‖ν‖² of the innovations of a Kalman filter, a χ² of m p
-//! degrees.
+//! *The weights of the recording* need no windows that are held out: see [`model`].
 
+pub(crate) mod model;
 pub(crate) mod replay;
 
 use crate::config::Config;
+use crate::covariance::inverse_factor;
 use crate::driving::Driving;
 use crate::error::Error;
 use crate::history::History;
@@ -29,7 +30,8 @@ use ddmhe_run::evidence::Rule;
 use ddmhe_run::evidence::formulas::inflation;
 use ddmhe_run::layout::Layout;
 use faer::Mat;
-use replay::{Replayed, Setup, deleted, replay};
+use model::ModelNumbers;
+use replay::{Replayed, Setup, deleted, folds, replay};
 
 /// A window is novel above so many times the largest V of held-out windows.
 const NOVEL: f64 = 3.0;
@@ -68,8 +70,10 @@ pub(crate) struct Calibration {
     /// Root-mean-square error of held-out windows of the horizon (n), in the user's units; NaN where
     /// nothing could be held out.
     pub promise: Vec<f64>,
-    /// Variance of the reading noise of the states, in the user's units (n).
+    /// Variance of the reading noise of the states, in the user's units (n): by fifth differences, or
+    /// what an affine step leaves, whichever is less.
     pub start: Vec<f64>,
+    away: Mat<f64>, // Σ_x⁻¹ / D_most (n × n), scaled
 }
 
 impl Calibration {
@@ -91,7 +95,8 @@ impl Calibration {
             (true, ..) => Rule::Filter,
             (false, true, true) => Rule::Stated,
             (false, true, false) => Rule::Exact,
-            (false, false, _) => Rule::Curved,
+            (false, false, true) => Rule::Louder,
+            (false, false, false) => Rule::Curved,
         };
         let replayed = replay(history, setup, horizon)?;
         let references = replayed.iter().map(|(depth, of)| Reference::new(rule, *depth, of));
@@ -100,8 +105,12 @@ impl Calibration {
             Some((_, of)) => of.rms().iter().zip(&scaling.s_x).map(|(e, s)| e * s).collect(),
             None => vec![f64::NAN; n],
         };
-        let start = (0..n).map(|i| fifth_differences(history, History::states, (i, n))).collect();
-        Ok(Some(Calibration { rule, references, opening: Vec::new(), promise, start }))
+        let reading = |i: usize| {
+            fifth_differences(history, History::states, (i, n)).min(scaling.one_step[i][0])
+        };
+        let start = (0..n).map(reading).collect();
+        let away = away(history, scaling);
+        Ok(Some(Calibration { rule, references, opening: Vec::new(), promise, start, away }))
     }
 
     /// With what the first windows of a run from an unknown state are measured by.
@@ -138,6 +147,58 @@ impl Reference {
         Reference { depth, levels, innovation, error }
     }
 }
+
+/// Σ_x⁻¹ / D_most in scaled units: how far a state has left the recorded ones.
+fn away(history: &History, scaling: &Scaling) -> Mat<f64> {
+    let n = history.n();
+    let all = 0..history.recordings();
+    let own = Cloud::new(all.clone().flat_map(|i| history.states(i).chunks_exact(n)), scaling);
+    let recorded = all.flat_map(|i| history.states(i).chunks_exact(n));
+    let most = recorded.map(|x| own.distance(x, scaling)).fold(0.0, f64::max);
+    let held = folds(history).iter().map(|fold| fold.farthest(scaling)).fold(0.0, f64::max);
+    let most = most.max(held).max(f64::MIN_POSITIVE);
+    own.inverse * faer::Scale(1.0 / most)
+}
+
+/// States by their mean and covariance, in scaled units.
+pub(crate) struct Cloud {
+    mean: Vec<f64>,
+    inverse: Mat<f64>,
+}
+
+impl Cloud {
+    /// Of states in the user's units.
+    pub fn new<'a>(states: impl Iterator<Item = &'a [f64]>, scaling: &Scaling) -> Self {
+        let scaled: Vec<Vec<f64>> = states.map(|x| scaling.deviations(x, &[]).collect()).collect();
+        let (n, count) = (scaling.s_x.len(), scaled.len() as f64);
+        let mean: Vec<f64> =
+            (0..n).map(|i| scaled.iter().map(|x| x[i]).sum::<f64>() / count).collect();
+        let moment = |i: usize, j: usize| {
+            scaled.iter().map(|x| (x[i] - mean[i]) * (x[j] - mean[j])).sum::<f64>() / count
+        };
+        let mut S = Mat::from_fn(n, n, moment);
+        let trace = S.diagonal().column_vector().iter().sum::<f64>();
+        let floor = LEAST_SPREAD * trace / n as f64;
+        (0..n).for_each(|i| S[(i, i)] += floor.max(f64::MIN_POSITIVE.sqrt()));
+        let inverse = match inverse_factor(&S) {
+            Some(U) => U.transpose() * &U,
+            None => Mat::zeros(n, n),
+        };
+        Cloud { mean, inverse }
+    }
+
+    /// D of a state in the user's units.
+    pub fn distance(&self, x: &[f64], scaling: &Scaling) -> f64 {
+        let d: Vec<f64> =
+            scaling.deviations(x, &[]).zip(&self.mean).map(|(x, mean)| x - mean).collect();
+        let row =
+            |i: usize| d.iter().enumerate().map(|(j, d)| self.inverse[(i, j)] * d).sum::<f64>();
+        d.iter().enumerate().map(|(i, d)| d * row(i)).sum()
+    }
+}
+
+/// Added to a covariance of states, in units of the mean of its diagonal.
+const LEAST_SPREAD: f64 = 1e-9;
 
 /// C (Σ e eᵀ) C / Σ s, of vectors e and their s: three deviations cover [`COVERED`] of each entry.
 fn covering(vectors: &[Vec<f64>], s: &[f64]) -> Mat<f64> {
@@ -266,13 +327,21 @@ pub(crate) struct DepthNumbers {
     pub innovation: Vec<f64>,
 }
 
+impl DepthNumbers {
+    /// None, for a rule that asks for none.
+    fn none(most: f64) -> Self {
+        let [carry, error, deleted, of_prior, innovation] = std::array::from_fn(|_| Vec::new());
+        DepthNumbers { levels: [1.0, most, most], carry, error, deleted, of_prior, innovation }
+    }
+}
+
 impl Calibration {
     /// Of one depth; `opening`: of a run from an unknown state, whose x̄ is no estimate.
     pub fn of_depth(
         &self,
         (layout, opening): (Layout, bool),
         maps: &Maps,
-        (scaling, driving): (&Scaling, Option<&Driving>),
+        scaling: &Scaling,
     ) -> DepthNumbers {
         let (n, p) = (layout.n, layout.p);
         let (s_x, s_y) = (&scaling.s_x, &scaling.s_y);
@@ -283,18 +352,8 @@ impl Calibration {
         };
         let Maps { carry, deleted, of_prior, noise } = maps;
         let kept = |M: &Mat<f64>| if opening { Mat::zeros(M.nrows(), n) } else { M.clone() };
-        if self.rule == Rule::Filter
-            && let Some(driving) = driving
-        {
-            let degrees = (layout.depth * p) as f64;
-            return DepthNumbers {
-                levels: [degrees, rare(degrees, degrees), f64::INFINITY],
-                carry: vec![0.0; n * n],
-                error: vec![0.0; n * n],
-                deleted: vec![0.0; p * p],
-                of_prior: entries(&driving.model.C, &|i, j| s_y[i] / s_x[j]),
-                innovation: driving.R.iter().zip(s_y).map(|(R, s)| R * s * s).collect(),
-            };
+        if self.rule == Rule::Filter {
+            return DepthNumbers::none(f64::INFINITY);
         }
         let none = Reference {
             depth: 1,
@@ -352,6 +411,9 @@ impl Calibration {
         let patience = |i: usize| PATIENCE.0.max(PATIENCE.1 * longest_run(history, i) as f64);
         PlanNumbers {
             start: (0..n * n).map(|k| start(k / n, k % n)).collect(),
+            away: (0..n * n)
+                .map(|k| self.away[(k / n, k % n)] / (scaling.s_x[k / n] * scaling.s_x[k % n]))
+                .collect(),
             per_spread: spread.iter().map(|s| 1.0 / (s * s)).collect(),
             uncertain: (0..n).map(uncertain).collect(),
             x_range: [
@@ -361,6 +423,9 @@ impl Calibration {
             u_range: [u.iter().map(|(lo, _)| *lo).collect(), u.iter().map(|(_, hi)| *hi).collect()],
             patience: (0..p).map(patience).collect(),
             drift: config.drift.clone().unwrap_or_default(),
+            model: driving
+                .filter(|_| self.rule == Rule::Filter)
+                .and_then(|driving| ModelNumbers::new(history, scaling, driving)),
         }
     }
 }
@@ -372,11 +437,13 @@ const ROUNDING: f64 = 1e-9;
 pub(crate) struct PlanNumbers {
     pub start: Vec<f64>,
     pub per_spread: Vec<f64>,
+    pub away: Vec<f64>,
     pub uncertain: Vec<f64>,
     pub x_range: [Vec<f64>; 2],
     pub u_range: [Vec<f64>; 2],
     pub patience: Vec<f64>,
     pub drift: Vec<f64>,
+    pub model: Option<ModelNumbers>, // with the weights of the recording
 }
 
 /// The longest run of equal values of an output.

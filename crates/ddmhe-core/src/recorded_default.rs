@@ -96,7 +96,8 @@ pub(crate) fn recorded(
         ));
     }
     let driving = Driving::of_recording(scaling, model, (noise.Q, noise.R))
-        .map_err(|error| error.to_string())?;
+        .map_err(|error| error.to_string())?
+        .with_readings(noise.N);
     let outputs: Vec<usize> =
         told.iter().filter_map(|channel| channel.checked_sub(history.n())).collect();
     let nis =

@@ -63,9 +63,9 @@ pub(crate) struct Saved {
 /// Of it, what evidence is made from.
 #[derive(Serialize, Deserialize)]
 struct SavedEvidence {
-    last: Vec<f64>,
-    repeats: Vec<f64>,
+    kept: Vec<f64>,
     covariances: Vec<f64>,
+    scores: Vec<f64>,
     since: usize,
     inflation: f64,
     value: f64,
@@ -75,11 +75,11 @@ struct SavedEvidence {
 
 impl SavedEvidence {
     fn of(memory: &Memory<Vec<f64>>) -> Option<Self> {
-        let ([last, repeats, covariances], judged) = memory.saved_evidence()?;
+        let ([kept, covariances, scores], judged) = memory.saved_evidence()?;
         Some(SavedEvidence {
-            last: last.to_vec(),
-            repeats: repeats.to_vec(),
+            kept: kept.to_vec(),
             covariances: covariances.to_vec(),
+            scores: scores.to_vec(),
             since: judged.since,
             inflation: judged.inflation,
             value: judged.value,
@@ -89,13 +89,13 @@ impl SavedEvidence {
     }
 
     /// Whether it is of so many states.
-    fn fits(&self, [n, p]: [usize; 2], states: usize) -> bool {
-        let whole = |values: &[f64]| values.iter().all(|v| v.is_finite());
-        self.last.len() == p
-            && self.repeats.len() == p
+    fn fits(&self, memory: &Memory<Vec<f64>>, n: usize, states: usize) -> bool {
+        let [kept, steps] = memory.saved_evidence_len();
+        self.kept.len() == kept
             && self.covariances.len() == states * n * n
-            && whole(&self.covariances)
-            && whole(&self.repeats)
+            && self.covariances.iter().all(|v| v.is_finite())
+            && self.scores.len() <= 2 * steps
+            && self.scores.len().is_multiple_of(2)
             && self.inflation >= 0.0
     }
 
@@ -103,7 +103,7 @@ impl SavedEvidence {
         let SavedEvidence { since, inflation, value, limit, .. } = *self;
         let reasons = Reasons::from_bits(self.reasons);
         let judged = Judged { since, inflation, value, limit, reasons };
-        memory.resume_evidence([&self.last, &self.repeats, &self.covariances], judged);
+        memory.resume_evidence([&self.kept, &self.covariances, &self.scores], judged);
     }
 }
 
@@ -200,7 +200,7 @@ impl Run {
             && t < usize::MAX / 2
             && estimate.fits(n, p)
             && evidence.is_some() == design.ground.sizes().judged()
-            && evidence.as_ref().is_none_or(|own| own.fits([n, p], samples + 1))
+            && evidence.as_ref().is_none_or(|own| own.fits(&self.memory, n, samples + 1))
             && estimate.evidence.is_some() == evidence.is_some()
             && (estimate.w.is_empty() || design.driving.is_some())
             && (tail.is_empty() || design.ground.sizes().recorded && tail.len() == n * n)

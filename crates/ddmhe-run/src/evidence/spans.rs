@@ -1,6 +1,6 @@
 //! Where the numbers behind the evidence are, in the blocks of a plan.
 
-use crate::evidence::Rule;
+use crate::evidence::{ModelSpans, OfModel, Rule};
 use crate::plan::common::Sizes;
 use crate::plan::span::{Cursor, Span};
 
@@ -11,6 +11,8 @@ pub struct PlanSpans {
     pub start: Span,
     /// 1 / the square of each state's recorded spread (n).
     pub per_spread: Span,
+    /// Σ_x⁻¹ / D_most (n × n).
+    pub away: Span,
     /// Variance above which each state is uncertain (n).
     pub uncertain: Span,
     /// Recorded range of each state with a quarter of it on both sides (n each).
@@ -22,6 +24,8 @@ pub struct PlanSpans {
     /// Weight of y - c times v of every output of the deepest window in V (M·p), where R is
     /// diagonal.
     pub weights: Span,
+    /// What the recording leaves open of its model, with the recording's weights.
+    pub model: ModelSpans,
     /// W: what a sample adds to Q (n × n).
     pub drift: Span,
 }
@@ -29,18 +33,20 @@ pub struct PlanSpans {
 impl PlanSpans {
     pub(crate) fn new(
         [n, p, m, horizon]: [usize; 4],
-        (judged, plain): (bool, bool),
+        (judged, plain, filter): (bool, bool, bool),
         next: &mut Cursor,
     ) -> Self {
         let kept = |len: usize| if judged { len } else { 0 };
         PlanSpans {
             start: next.take(kept(n * n)),
             per_spread: next.take(kept(n)),
+            away: next.take(kept(n * n)),
             uncertain: next.take(kept(n)),
             x_range: [next.take(kept(n)), next.take(kept(n))],
             u_range: [next.take(kept(m)), next.take(kept(m))],
             patience: next.take(kept(p)),
             weights: next.take(if plain { kept(horizon * p) } else { 0 }),
+            model: ModelSpans::new([n, m], filter, next),
             drift: next.take(kept(n * n)),
         }
     }
@@ -83,11 +89,13 @@ pub struct OfPlan<'a> {
     pub(crate) rule: Rule,
     pub(crate) start: &'a [f64],
     pub(crate) per_spread: &'a [f64],
+    pub(crate) away: &'a [f64],
     pub(crate) uncertain: &'a [f64],
     pub(crate) x_range: [&'a [f64]; 2],
     pub(crate) u_range: [&'a [f64]; 2],
     pub(crate) patience: &'a [f64],
     pub(crate) weights: &'a [f64],
+    pub(crate) model: OfModel<'a>,
     pub(crate) drift: Option<&'a [f64]>,
     pub(crate) horizon: usize,
 }
@@ -115,11 +123,13 @@ impl<'a> OfPlan<'a> {
             horizon: sizes.horizon,
             start: of(spans.start),
             per_spread: of(spans.per_spread),
+            away: of(spans.away),
             uncertain: of(spans.uncertain),
             x_range: spans.x_range.map(of),
             u_range: spans.u_range.map(of),
             patience: of(spans.patience),
             weights: of(spans.weights),
+            model: OfModel::new(spans.model, numbers),
             drift: sizes.drifts.then(|| of(spans.drift)),
         }
     }

@@ -3,8 +3,7 @@
 use crate::evidence::{Evidence, OfDepth, OfPlan};
 use crate::kalman::Kalman;
 use crate::memory::Memory;
-use crate::memory::witness::{Judged, Told};
-use crate::panels::dot;
+use crate::memory::witness::{FilterStep, Judged, Told};
 use crate::plan::common::Shared;
 use crate::problem::{WindowProblem, WindowSolution};
 
@@ -24,7 +23,8 @@ impl<B: AsRef<[f64]> + AsMut<[f64]>> Memory<B> {
     pub fn start_evidence(&mut self, shared: &Shared<'_>, unknown: bool) {
         if let Some(known) = &shared.evidence {
             let states = self.states.len;
-            self.witness.start(self.block.as_mut(), known, (states, unknown));
+            let at = (states, unknown);
+            self.witness.start(self.block.as_mut(), known, at, shared.s_x);
         }
     }
 
@@ -53,6 +53,7 @@ impl<B: AsRef<[f64]> + AsMut<[f64]>> Memory<B> {
             minimised: found.sound,
             newest: &newest.v[newest.v.len() - p..],
             x: newest.x,
+            mean: problem.shared.mean_x,
             u,
         };
         match &problem.shared.kalman {
@@ -88,6 +89,7 @@ impl<B: AsRef<[f64]> + AsMut<[f64]>> Memory<B> {
             minimised: true,
             newest: y,
             x,
+            mean: shared.mean_x,
             u: self.inputs.last(1.min(self.inputs.len)),
         };
         self.judge_filter(shared, kalman, &told, false);
@@ -101,29 +103,14 @@ impl<B: AsRef<[f64]> + AsMut<[f64]>> Memory<B> {
         told: &Told<'_>,
         opening: bool,
     ) {
-        let n = self.states.width;
-        let (x, y) = (self.states.last(1), self.outputs.last(1));
-        let losses = self.filtering.covariance(self.depth, n);
-        let block = self.block.as_mut();
-        let (s_x, s_y) = (shared.s_x, shared.s_y);
-        let innovation = |block: &[f64], i: usize| {
-            let (x, y) = (&block[x.clone()], &block[y.clone()]);
-            let predicted =
-                dot(kalman.model.c(i), x) + kalman.model.pushed_output(i, &block[told.u.clone()]);
-            (y[i] - predicted) * s_y[i]
+        let step = FilterStep {
+            model: &kalman.model,
+            scales: [shared.s_x, shared.s_y],
+            at: [self.states.last(1), self.outputs.last(1), told.u.clone()],
+            losses: self.filtering.covariance(self.depth, self.states.width),
+            opening,
         };
-        self.witness.judge_filter(block, self.depth, told, innovation, |known, now, work| {
-            let scale = |k: usize| s_x[k / n] * s_x[k % n];
-            match losses {
-                _ if opening => {
-                    (0..n * n).for_each(|k| now[k] /= scale(k));
-                    kalman.model.follow(&known[y.clone()], now, work);
-                }
-                Some(at) => now.copy_from_slice(&known[at]),
-                None => now.copy_from_slice(kalman.model.P),
-            }
-            (0..n * n).for_each(|k| now[k] *= scale(k));
-        });
+        self.witness.judge_filter(self.block.as_mut(), told, &step);
     }
 
     /// The evidence on the newest estimate; None where none is asked for.
@@ -134,8 +121,12 @@ impl<B: AsRef<[f64]> + AsMut<[f64]>> Memory<B> {
 
     /// What is saved of it: see [`resume_evidence`](Self::resume_evidence).
     pub fn saved_evidence(&self) -> Option<([&[f64]; 3], Judged)> {
-        let p = self.outputs.width;
-        self.witness.is_used().then(|| self.witness.saved(self.block.as_ref(), p))
+        self.witness.is_used().then(|| self.witness.saved(self.block.as_ref()))
+    }
+
+    /// How many numbers are kept of it, and of how many steps there are scores at most.
+    pub fn saved_evidence_len(&self) -> [usize; 2] {
+        self.witness.saved_len()
     }
 
     /// Takes it up: of each output the newest value and how often it came, Σ of the states that are
