@@ -102,9 +102,9 @@ def command(
     except KeyboardInterrupt as e:
         estimates = e.finished  # type: ignore[attr-defined]
         samples, split = _cut(samples, split, len(estimates.x))
-    _warn(samples, split, [told for told in est.warnings if told not in at_first])
     trust = Trust.of_log(estimates)
     written = _write(csv, figure, samples, split, (estimates.x, trust))
+    _warn(samples, split, [told for told in est.warnings if told not in at_first])
     console = Console()
     console.print(_summary(samples, split, est, estimates))
     if trust is not None:

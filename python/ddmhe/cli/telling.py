@@ -14,8 +14,8 @@ Array = NDArray[np.float64]
 
 __all__ = ["in_words_of"]
 
-SINCE = re.compile(r"^from \S+ s on \(step (\d+)\) ")
-"""How a sentence begins that came up while the estimator ran."""
+SINCE = re.compile(r"\bfrom \S+ s on \(step (\d+)\)")
+"""What is in a sentence that came up while the estimator ran."""
 CHANNEL = re.compile(r"\b(state|output|input) (\d+) \(counted from 0\)")
 """What a sentence calls a channel."""
 
@@ -29,12 +29,12 @@ def in_words_of(names: Names, warnings: Iterable[str], t: Array | None = None) -
         columns: tuple[str, ...] = getattr(names, found[1])
         return f"{found[1]} {columns[int(found[2])]!r}"
 
-    told = []
-    for sentence in warnings:
-        found = SINCE.match(sentence)
-        step = int(found[1]) if found else 0
-        if found and t is not None:
-            since = t[min(step, len(t)) - 1]
-            sentence = f"from {since:.6g} s on (step {step}) {sentence[found.end() :]}"
-        told.append((step, CHANNEL.sub(channel, sentence)))
-    return [sentence for _, sentence in sorted(told, key=lambda one: one[0])]
+    def since(found: re.Match[str]) -> str:
+        step = int(found[1])
+        return found[0] if t is None else f"from {t[min(step, len(t)) - 1]:.6g} s on (step {step})"
+
+    def step(sentence: str) -> int:
+        found = SINCE.search(sentence)
+        return int(found[1]) if found else 0
+
+    return [CHANNEL.sub(channel, SINCE.sub(since, one)) for one in sorted(warnings, key=step)]
