@@ -20,9 +20,10 @@ def estimates_of(recording, **settings):
 def test_estimate_writes_what_the_estimator_gives(recording, log, tmp_path):
     out = tmp_path / "est.csv"
     result = in_a_process("estimate", log, *COLUMNS, "--history", 20, "--out", out)
-    assert (result.returncode, result.stderr) == (0, "")
+    assert result.returncode == 0, result.stderr
     written = pd.read_csv(out)
-    assert list(written.columns) == ["t", *STATE]
+    beside = [*(f"{name}_std" for name in STATE), "trusted", "reasons"]
+    assert list(written.columns) == ["t", *STATE, *beside]
     np.testing.assert_allclose(written["t"], recording.t[T + 1 :], rtol=1e-12)
     expected = estimates_of(recording).x
     np.testing.assert_allclose(written[STATE], expected, rtol=1e-9, atol=1e-12)
@@ -156,12 +157,13 @@ def test_numbers_that_say_not_measured(frame, tmp_path):
     expected = in_here(
         "estimate", tmp_path / "blank.csv", *options, "--out", tmp_path / "blank-est.csv"
     )
-    assert (expected.returncode, expected.stderr) == (0, "")
+    assert expected.returncode == 0
+    assert "--missing" not in expected.stderr
     for given in (["--missing", "-9999,999"], ["--config", tmp_path / "est.toml"]):
         result = in_here(
             "estimate", tmp_path / "coded.csv", *options, *given, "--out", tmp_path / "est.csv"
         )
-        assert (result.returncode, result.stderr) == (0, "")
+        assert (result.returncode, result.stderr) == (0, expected.stderr)
         assert (tmp_path / "est.csv").read_bytes() == (tmp_path / "blank-est.csv").read_bytes()
     result = in_here("estimate", tmp_path / "coded.csv", *options)
     assert result.returncode == 0
@@ -224,10 +226,26 @@ def test_what_the_estimator_warns_of_is_on_stderr(log):
     result = in_here("estimate", log, *COLUMNS, "--history", 20, "--space", "exact")
     history = log and pd.read_csv(log)
     x, y = history[STATE].to_numpy(), history[OUTPUT].to_numpy()
-    est = ddmhe.DdMhe(ddmhe.History(x[: T + 1], y[:T], dt=0.1), space=ddmhe.Exact())
+    est = ddmhe.DdMhe(
+        ddmhe.History(x[: T + 1], y[:T], dt=0.1), space=ddmhe.Exact(), start="recording"
+    )
     est.run(y[T:-1])
     assert est.warnings
-    assert result.stderr == "".join(f"ddmhe: warning: {sentence}\n" for sentence in est.warnings)
+    expected = []
+    for sentence in est.warnings:  # with the columns' names, on the log's clock
+        named = re.sub(
+            r"state (\d) \(counted from 0\)",
+            lambda found: f"state {STATE[int(found[1])]!r}",
+            sentence,
+        )
+        clock = re.sub(
+            r"from (\S+) s on", lambda found: f"from {20 + float(found[1]):g} s on", named
+        )
+        expected.append(f"ddmhe: warning: {clock}")
+    assert sorted(result.stderr.splitlines()) == sorted(expected)
+    steps = [int(step) for step in re.findall(r"\(step (\d+)\)", result.stderr)]
+    assert steps == sorted(steps)
+    assert len(steps) > 1
 
 
 DATA = (

@@ -10,6 +10,8 @@ import pytest
 
 import ddmhe
 from commands import PNG, in_a_process, in_here, printed
+from ddmhe.cli.telling import in_words_of
+from ddmhe.logs import Names
 
 DATA = (
     Path(os.environ.get("DDMHE_DATA", Path(__file__).parents[3] / "shared" / "data")) / "input-logs"
@@ -88,9 +90,11 @@ def test_what_the_estimator_says_of_inputs_is_printed(cart, frame, tmp_path):
     columns = [*COLUMNS[:4], "--input", "force_N, still"]
     result = in_a_process("estimate", tmp_path / "log.csv", *columns, "--history", 12)
     assert result.returncode == 0, result.stderr
-    first, second = result.stderr.splitlines()
-    assert first.startswith("ddmhe: warning: input 1 (counted from 0) never changed")
-    assert second.startswith("ddmhe: warning: input 0 (counted from 0) leaves its recorded range")
+    first, *later = result.stderr.splitlines()
+    assert first.startswith("ddmhe: warning: input 'still' never changed")
+    (left,) = [line for line in later if "leaves its recorded range" in line]
+    assert left.startswith("ddmhe: warning: input 'force_N' leaves its recorded range")
+    assert "counted from 0" not in result.stderr
 
 
 @pytest.mark.parametrize("k", [40, 200])
@@ -206,4 +210,6 @@ def test_measured_logs(name, tmp_path):
     assert len(written) == len(table) - T - 1
     np.testing.assert_allclose(written[state.split(",")], expected, rtol=1e-6, atol=1e-8)
     said = [line.removeprefix("ddmhe: warning: ") for line in result.stderr.splitlines()]
-    assert set(est.warnings) <= set(said)
+    names = Names("", *(tuple(group.split(",")) for group in (state, output, inputs)))
+    t = table.iloc[T + 1 :, 0].to_numpy()
+    assert set(in_words_of(names, est.warnings, t)) <= set(said)

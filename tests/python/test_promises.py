@@ -25,17 +25,22 @@ def rmse(error):
 @pytest.mark.parametrize("noisy_history", [True, False])
 def test_detumbling_with_defaults(seed, noisy_history):
     """20 s recorded, torque noise 0.01 N·m: 0.12/0.30/2.0 deg/s over the next 20/40/100 s, every
-    step optimal."""
+    step optimal. That the motion is no longer like the recording's is said between 10 and 20 s."""
     model = ddmhe.models.detumbling()
     record = model.simulate(120.0, 0.1, noise=0.01, seed=seed)
     y = record.y[:200] if noisy_history else model.output(record.x[:200])
     estimator = ddmhe.DdMhe(
         ddmhe.History(record.x[:201], y, dt=0.1), x_bounds=(-BOX, BOX), x_center="history"
     )
+    assert estimator.warnings == []
     log = estimator.run(record.y[200:-1])
     error = log.x - record.x[201:]
     assert (log.status == "optimal").all()
-    assert estimator.warnings == []
+    assert all(sentence.startswith("from ") for sentence in estimator.warnings)
+    novel = log.reasons & ddmhe.Reason.NOVEL != 0
+    if noisy_history:  # without noise there, noise online is new from the first sample on
+        assert 100 <= np.argmax(novel) < 200
+    assert novel[200:].all()
     assert rmse(error[:200]) < 0.12
     assert rmse(error[:400]) < 0.30
     assert rmse(error) < 2.0

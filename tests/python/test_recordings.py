@@ -108,6 +108,11 @@ def said(estimator, *words):
     return found[0] if found else None
 
 
+def of_output(estimator, index):
+    """The warnings that name an output."""
+    return [w for w in estimator.warnings if f"output {index} (counted from 0)" in w]
+
+
 def noisy_motion(rng, n, steps, noise):
     system = random_system(rng, n, 2)
     x, y = system.simulate(rng.standard_normal(n), steps)
@@ -123,7 +128,7 @@ def test_a_short_noisy_recording_is_refused_or_warned_about_with_the_length_that
             with pytest.raises(ddmhe.RankError, match=f"at least n \\+ 1 = {n + 1} outputs"):
                 ddmhe.DdMhe(ddmhe.History(x, y))
             continue
-        words = said(ddmhe.DdMhe(ddmhe.History(x, y)), "too short")
+        words = said(ddmhe.DdMhe(ddmhe.History(x, y)), "too short to tell motion from noise")
         if words is None:
             enough = enough or T
         else:
@@ -147,7 +152,11 @@ def test_a_short_recording_without_noise_says_enough():
         rng = np.random.default_rng(seed)
         n = 1 + seed % 4
         x, y = random_system(rng, n, 2).simulate(rng.standard_normal(n), n + 2)
-        assert ddmhe.DdMhe(ddmhe.History(x, y)).warnings == []
+        estimator = ddmhe.DdMhe(ddmhe.History(x, y))
+        # nothing can be held out of so few, which leaves errors unknown
+        unknown = np.isnan(estimator.promise).all()
+        assert len(estimator.warnings) == unknown
+        assert (said(estimator, "too short to hold windows out") is not None) == unknown
 
 
 # --- channels at rest
@@ -162,12 +171,12 @@ def test_an_output_that_never_moved_is_named_and_again_when_it_moves():
     assert len(estimator.warnings) == 1
     assert said(estimator, "output 1 (counted from 0) never moved", "0.1")
     estimator.run(y[100:120])
-    assert len(estimator.warnings) == 1
+    assert len(of_output(estimator, 1)) == 1
     y[128:, 1] += 0.3
     y[125, 1] = np.nan
     estimator.run(y[120:135])
     assert said(estimator, "output 1 (counted from 0) moves from 2.9 s on (step 29)")
-    assert len(estimator.warnings) == 2
+    assert len(of_output(estimator, 1)) == 2
     restored = ddmhe.DdMhe.restore(estimator.snapshot())
     assert restored.warnings == estimator.warnings
     restored.run(y[135:160])
@@ -226,14 +235,13 @@ def test_an_angle_that_wraps_online_is_named_with_the_time(turn, low):
     y = np.column_stack([other, angle])
     T = start - 20
     estimator = ddmhe.DdMhe(ddmhe.History(other[: T + 1, None], y[:T], dt=0.5))
-    before = estimator.warnings
     estimator.run(y[T:start])
-    assert estimator.warnings == before
+    assert of_output(estimator, 1) == []
     estimator.run(y[start : start + 30])
     assert said(
         estimator, "output 1 (counted from 0) jumps by a full turn from 10.5 s on (step 21)"
     )
-    assert len(estimator.warnings) == len(before) + 1
+    assert len(of_output(estimator, 1)) == 1
 
 
 def test_ordinary_signals_are_no_angles():

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +21,10 @@ from ddmhe._core import DdMhe, History
 from ddmhe.cases.satellite import BOX, DT, DURATION, HISTORY, PAPER, T
 from ddmhe.cli.options import directory_option
 from ddmhe.cli.printing import print_warnings, print_written
+from ddmhe.cli.telling import in_words_of
+from ddmhe.logs import Names
+from ddmhe.reasons import Reason
+from ddmhe.report.trust import BARS, Trust
 
 Array = NDArray[np.float64]
 
@@ -38,6 +42,8 @@ SPANS = (20.0, 40.0, 100.0)
 """What errors are taken over, s from the end of the recording."""
 AXES = ("omega_x", "omega_y", "omega_z")
 """Names of the states."""
+NAMES = Names("time", AXES, ("torque_x", "torque_y", "torque_z"))
+"""What warnings call them and the outputs."""
 
 
 @click.command("demo")
@@ -63,7 +69,11 @@ def command(out: Path, seed: int, noise: float) -> None:
     written = _write(out, recording, results)
     console.print(_summary(recording, results, noise))
     for name, result in results.items():
-        print_warnings(console, f"{name}: ", result.est.warnings)
+        error = np.rad2deg(result.x_hat - recording.x[T + 1 :])
+        words = f"{name}: {_trust_words(result, error)}"
+        console.print(words, markup=False, highlight=False, soft_wrap=True)
+    for name, result in results.items():
+        print_warnings(console, f"{name}: ", in_words_of(NAMES, result.est.warnings))
     print_written(console, written)
 
 
@@ -78,6 +88,8 @@ class Run:
     """Wall time of each step (STEPS,), s."""
     status: list[str]
     active: list[int]
+    trust: Trust
+    """The evidence on them, rad/s."""
 
 
 def _runs(
@@ -101,9 +113,13 @@ def _run(history: History, Y: Array, given: dict[str, Any], advance: Callable[[]
         estimates.append(est.step(y_t))
         seconds.append(time.perf_counter() - begin)
         advance()
-    x_hat = np.array([e.x for e in estimates])
     return Run(
-        est, x_hat, np.array(seconds), [e.status for e in estimates], [e.active for e in estimates]
+        est,
+        np.array([e.x for e in estimates]),
+        np.array(seconds),
+        [e.status for e in estimates],
+        [e.active for e in estimates],
+        Trust.of_estimates(estimates),
     )
 
 
@@ -123,14 +139,31 @@ def _column(result: Run, error: Array) -> dict[str, str]:
     }
     spans = {f"RMSE norm {s:g} s": f"{report.rmse_norm(error[: round(s / DT)]):.4f}" for s in SPANS}
     median, slow = np.percentile(result.seconds, [50, 99]) * 1e6
+    trust = {"trusted": f"{np.mean(result.trust.trusted):.1%}"}
+    trust |= result.trust.within(np.deg2rad(error))
     times = {"step median": f"{median:.2g} us", "step 99 %": f"{slow:.2g} us"}
     return {
         **report.settings(result.est),
         **per_axis,
         **spans,
+        **trust,
         **times,
         **report.outcome(result.status, result.active),
     }
+
+
+def _trust_words(result: Run, error: Array) -> str:
+    """How far it is to be trusted and since when not, with errors (STEPS, 3) in deg/s."""
+    words = f"{result.trust.words(result.est.promise)}."
+    novel = np.flatnonzero(result.trust.reasons & Reason.NOVEL)
+    if not novel.size:
+        return f"{words} It finds the motion like the recording throughout."
+    size, first = np.linalg.norm(error, axis=1), novel[0]
+    before = f"at most {size[:first].max():.3f} deg/s before and " if first else ""
+    return (
+        f"{words} From {DT * (first + 1):.1f} s on it says itself that the motion is unlike the "
+        f"recording: the error is {before}up to {size[first:].max():.3f} deg/s after."
+    )
 
 
 def _write(directory: Path, recording: models.Recording, results: dict[str, Run]) -> list[Path]:
@@ -140,8 +173,11 @@ def _write(directory: Path, recording: models.Recording, results: dict[str, Run]
 
     directory.mkdir(parents=True, exist_ok=True)
     csv, png = directory / "estimate.csv", directory / "estimate.png"
-    t, x_true, x_hat = recording.t[T + 1 :], recording.x[T + 1 :], results["defaults"].x_hat
-    report.write_estimates(csv, "time_s", t, [f"{axis}_rad_s" for axis in AXES], x_hat)
+    shown = results["defaults"]
+    t, x_true, x_hat = recording.t[T + 1 :], recording.x[T + 1 :], shown.x_hat
+    names = [f"{axis}_rad_s" for axis in AXES]
+    beside = shown.trust.columns("time_s", names)
+    report.write_estimates(csv, "time_s", t, names, x_hat, beside)
     errors = {
         name: np.linalg.norm(np.rad2deg(r.x_hat - x_true), axis=1) for name, r in results.items()
     }
@@ -153,6 +189,11 @@ def _write(directory: Path, recording: models.Recording, results: dict[str, Run]
         names=AXES,
         quantity="angular velocity (deg/s)",
         errors=errors,
+        trust=replace(shown.trust, std=np.rad2deg(shown.trust.std)),
+        bars={
+            name: np.rad2deg(BARS * np.linalg.norm(r.trust.std, axis=1))
+            for name, r in results.items()
+        },
     )
     report.save_figure(figure, png)
     return [csv, png]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -13,13 +14,15 @@ from numpy.typing import NDArray
 from rich.console import Console
 
 from ddmhe import report
-from ddmhe._core import DdMhe
+from ddmhe._core import DdMhe, History
 from ddmhe._core import Log as Estimates
-from ddmhe.cli.options import log_options
+from ddmhe.cli.options import deviations, log_options
 from ddmhe.cli.printing import print_written, warn
 from ddmhe.cli.reading import read, untold
+from ddmhe.cli.telling import in_words_of
 from ddmhe.config import READING, read_config, space_from_text
 from ddmhe.logs import Log, Split
+from ddmhe.report.trust import Trust
 
 Array = NDArray[np.float64]
 
@@ -64,14 +67,26 @@ FIGURES = (".png", ".pdf", ".svg")
     default=None,
     help="The old names of --start-from recording and state.",
 )
+@click.option(
+    "--output-noise",
+    callback=deviations,
+    metavar="SD[,SD,...]",
+    help="Standard deviation of the noise of later outputs.  [default: the recording's]",
+)
+@click.option(
+    "--evidence/--no-evidence",
+    default=None,
+    help="Whether to say how far to trust each estimate.  [default: evidence]",
+)
 def command(
     log: Path, out: Path | None, plot: Path | None, config: Path | None, **given: Any
 ) -> None:
     """Estimate the states of a CSV log from its outputs, and known inputs if there are any, after a
     history in which both were recorded.
 
-    Writes the time column and one column per state, and prints the errors where the log holds the
-    states."""
+    Writes the time column, one column per state, its standard deviation as STATE_std, `trusted` (1
+    or 0) and `reasons` (novel, uncertain, stuck, outside, joined by +; empty where there is none),
+    and prints the errors where the log holds the states."""
     csv, figure = _targets(log, out, plot)
     from_file = {} if config is None else read_config(config)
     for key in READING:
@@ -80,23 +95,28 @@ def command(
     samples, split = read(log, given)
     est = DdMhe(split.history, **_settings(from_file, given))
     at_first = list(est.warnings)
-    for sentence in untold(samples, at_first):
-        warn(sentence)
+    _warn(samples, split, at_first)
     asked = len(split.Y)
     try:
         estimates = est.run(split.Y, split.U)
     except KeyboardInterrupt as e:
         estimates = e.finished  # type: ignore[attr-defined]
         samples, split = _cut(samples, split, len(estimates.x))
-    for sentence in untold(samples, est.warnings):
-        if sentence not in at_first:
-            warn(sentence)
-    written = _write(csv, figure, samples, split, estimates.x)
+    trust = Trust.of_log(estimates)
+    written = _write(csv, figure, samples, split, (estimates.x, trust))
+    _warn(samples, split, [told for told in est.warnings if told not in at_first])
     console = Console()
     console.print(_summary(samples, split, est, estimates))
+    if trust is not None:
+        console.print(trust.words(est.promise), markup=False, highlight=False, soft_wrap=True)
     print_written(console, written)
     if len(estimates.x) < asked:
         raise click.Abort
+
+
+def _warn(samples: Log, split: Split, warnings: list[str]) -> None:
+    for sentence in in_words_of(samples.names, untold(samples, warnings), split.t):
+        warn(sentence)
 
 
 def _cut(samples: Log, split: Split, made: int) -> tuple[Log, Split]:
@@ -152,7 +172,8 @@ def _settings(from_file: dict[str, Any], given: dict[str, Any]) -> dict[str, Any
 
 
 def _summary(log: Log, split: Split, est: DdMhe, estimates: Estimates) -> Any:
-    """The table that is printed: settings, how the steps ended, errors where the truth is known."""
+    """The table that is printed: settings, how the steps ended, what is promised, errors where the
+    truth is known."""
     filled = int(np.sum(log.lines == 0))
     rows = {"history": f"T = {split.history.T} samples of {log.dt:.4g} s"}
     rows |= {"gaps filled": f"{filled} samples"} if filled else {}
@@ -161,32 +182,50 @@ def _summary(log: Log, split: Split, est: DdMhe, estimates: Estimates) -> Any:
         rows["error bound"] = (
             f"{np.median(estimates.bound):.4g} median, {np.max(estimates.bound):.4g} at most"
         )
+    if est.promise is not None:
+        rows |= {
+            f"promised rms {name}": "unknown" if np.isnan(value) else f"{value:.4g}"
+            for name, value in zip(log.names.state, est.promise, strict=True)
+        }
     if split.x_true is not None:
-        errors = report.rmse(estimates.x - split.x_true)
-        rows |= {
-            f"RMSE {name}": f"{value:.4g}"
-            for name, value in zip(log.names.state, errors, strict=True)
-        }
-        relative = report.nrmse(estimates.x, split.x_true)
-        rows |= {
-            f"NRMSE {name}": f"{value:.4f}"
-            for name, value in zip(log.names.state, relative, strict=True)
-        }
-        rows["NRMSE"] = f"{report.root_mean_square(relative):.4f}"
-        if len(relative) > 1 and len(set(split.history.x_units)) == 1 and split.history.x_units[0]:
-            rows["NRMSE pooled"] = f"{report.pooled_nrmse(estimates.x, split.x_true):.4f}"
+        rows |= _errors(log.names.state, split.history, estimates, split.x_true)
     return report.table(f"Estimates of {Path(log.path).name}", {"": rows})
 
 
+def _errors(
+    names: Sequence[str], history: History, estimates: Estimates, x_true: Array
+) -> dict[str, str]:
+    """Errors against the states of the log, and the share of them that the bars hold, as label and
+    text."""
+    errors = report.rmse(estimates.x - x_true)
+    rows = {f"RMSE {name}": f"{value:.4g}" for name, value in zip(names, errors, strict=True)}
+    relative = report.nrmse(estimates.x, x_true)
+    rows |= {f"NRMSE {name}": f"{value:.4f}" for name, value in zip(names, relative, strict=True)}
+    rows["NRMSE"] = f"{report.root_mean_square(relative):.4f}"
+    if len(relative) > 1 and len(set(history.x_units)) == 1 and history.x_units[0]:
+        rows["NRMSE pooled"] = f"{report.pooled_nrmse(estimates.x, x_true):.4f}"
+    trust = Trust.of_log(estimates)
+    if trust is not None:
+        rows |= trust.within(estimates.x - x_true)
+    return rows
+
+
 def _write(
-    csv: Path | None, figure: Path | None, log: Log, split: Split, x_hat: Array
+    csv: Path | None,
+    figure: Path | None,
+    log: Log,
+    split: Split,
+    estimated: tuple[Array, Trust | None],
 ) -> list[Path]:
     """One CSV row per row of the log after the history; the figure also shows the estimates inside
     filled gaps."""
+    x_hat, trust = estimated
     if csv is not None:
         csv.parent.mkdir(parents=True, exist_ok=True)
         logged = log.lines[-len(split.t) :] > 0
-        report.write_estimates(csv, log.names.time, split.t[logged], log.names.state, x_hat[logged])
+        names = log.names.state
+        beside = {} if trust is None else trust.rows(logged).columns(log.names.time, names)
+        report.write_estimates(csv, log.names.time, split.t[logged], names, x_hat[logged], beside)
     if figure is not None:
         from ddmhe.report.figures import estimate_figure
 
@@ -200,6 +239,7 @@ def _write(
             history=recorded,
             names=log.names.state,
             quantity="state (unit of the log)",
+            trust=trust,
         )
         report.save_figure(drawing, figure)
     return [path for path in (csv, figure) if path is not None]

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-__all__ = ["directory_option", "log_options", "radius", "reading_options"]
+__all__ = ["deviations", "directory_option", "log_options", "radius", "reading_options"]
 
 
 def names(ctx: click.Context, param: click.Parameter, value: str | None) -> tuple[str, ...]:
@@ -47,6 +47,14 @@ def radius(ctx: click.Context, param: click.Parameter, value: str | None) -> Arr
             f"expected a number, or one a column parted by commas, found {value!r}"
         )
     return found[0] if len(found) == 1 else found
+
+
+def deviations(
+    ctx: click.Context, param: click.Parameter, value: str | None
+) -> float | tuple[float, ...] | None:
+    """One finite number for all columns, or one a column, separated by commas."""
+    found = numbers(ctx, param, value)
+    return found[0] if found is not None and len(found) == 1 else found
 
 
 def _parsed(value: str) -> tuple[float, ...]:

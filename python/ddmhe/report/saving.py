@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
@@ -20,9 +20,16 @@ Array = NDArray[np.float64]
 __all__ = ["save_figure", "write_estimates"]
 
 
-def write_estimates(path: Path, time: str, t: Array, names: Sequence[str], x_hat: Array) -> None:
-    """A CSV with the time column and one column per state, full precision."""
-    frame = pd.DataFrame(x_hat, columns=list(names))
+def write_estimates(
+    path: Path,
+    time: str,
+    t: Array,
+    names: Sequence[str],
+    x_hat: Array,
+    beside: Mapping[str, Any] | None = None,
+) -> None:
+    """A CSV with the time column, one column per state and those of `beside`, full precision."""
+    frame = pd.DataFrame(x_hat, columns=list(names)).assign(**dict(beside or {}))
     frame.insert(0, time, t)
     write(path, lambda beside: frame.to_csv(beside, index=False))
 

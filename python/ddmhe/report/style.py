@@ -9,15 +9,27 @@ from matplotlib import colormaps
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
+from ddmhe.reasons import Reason
+
 Array = NDArray[np.float64]
 
-__all__ = ["ESTIMATE", "TRUTH", "color_of", "shade"]
+__all__ = ["BAND", "BAR", "DOUBTS", "ESTIMATE", "TRUTH", "color_of", "shade"]
 
 
 TRUTH: dict[str, Any] = {"linewidth": 3.5, "alpha": 0.35}
 """True or recorded states: broad, below the estimates."""
 ESTIMATE: dict[str, Any] = {"linewidth": 1.2}
 """Estimates."""
+BAND: dict[str, Any] = {"alpha": 0.2, "linewidth": 0.0}
+"""What estimates may be off by, around them."""
+BAR: dict[str, Any] = {"linewidth": 0.9, "linestyle": "--"}
+"""What an error should stay below."""
+DOUBTS = {
+    Reason.NOVEL: (1.0, 0.75, 0.3, 0.22),
+    Reason.UNCERTAIN: (0.85, 0.3, 0.3, 0.16),
+    Reason.STUCK: (0.3, 0.5, 0.9, 0.2),
+}
+"""Where an estimate is not to be trusted: light, so that reasons that come together show, too."""
 
 
 def color_of(i: int) -> tuple[float, float, float, float]:

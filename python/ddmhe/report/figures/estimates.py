@@ -12,7 +12,9 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
-from ddmhe.report.style import ESTIMATE, TRUTH, color_of, shade
+from ddmhe.reasons import Reason
+from ddmhe.report.style import BAND, BAR, DOUBTS, ESTIMATE, TRUTH, color_of, shade
+from ddmhe.report.trust import BARS, Trust
 
 Array = NDArray[np.float64]
 
@@ -31,8 +33,12 @@ def estimate_figure(
     names: Sequence[str],
     quantity: str,
     errors: Mapping[str, Array] | None = None,
+    trust: Trust | None = None,
+    bars: Mapping[str, Array] | None = None,
 ) -> Figure:
-    """Estimates over time above, their errors below on a log axis (only where the truth is known).
+    """Estimates over time above, with bands of three standard deviations, their errors below on a
+    log axis (only where the truth is known), with three standard deviations dashed. What is in
+    doubt is shaded.
 
     Parameters
     ----------
@@ -49,24 +55,35 @@ def estimate_figure(
     errors
         Curves of the lower panel by label, (N,) each, in the state's unit; default
         |x_hat - x_true| per state.
+    trust
+        The evidence on the estimates, in the state's unit; None: no bands, nothing shaded.
+    bars
+        Of curves of the lower panel, by label, what they should stay below (N,); default three
+        standard deviations per state.
     """
     colors: list[Any] = ["black", "tab:red", "tab:purple", "tab:brown"]
     if errors is None and x_true is not None:
         errors = {name: np.abs(x_hat[:, i] - x_true[:, i]) for i, name in enumerate(names)}
         colors = [color_of(i) for i in range(len(names))]
+        if trust is not None:
+            bars = {name: BARS * trust.std[:, i] for i, name in enumerate(names)}
     figure = Figure(figsize=(9.0, 6.5 if errors else 4.2), layout="constrained")
     if errors:
         above, below = figure.subplots(2, 1, sharex=True, height_ratios=[3, 2])
-        _draw_errors(below, t, errors, quantity, colors)
-        shade(below, history[0])
+        _draw_errors(below, t, (errors, bars or {}), quantity, colors)
     else:
         above = figure.subplots()
     _draw_states(above, t, x_hat, x_true, history, names)
-    shade(above, history[0])
+    if trust is not None:
+        _draw_bands(above, t, x_hat, trust.std)
+    doubts: set[Reason] = set()
+    for axes in figure.axes:
+        shade(axes, history[0])
+        doubts = set() if trust is None else _shade_doubts(axes, t, trust.reasons)
     above.set_ylabel(quantity)
     figure.axes[-1].set_xlabel("time (s)")
     figure.axes[-1].set_xlim(history[0][0], t[-1])
-    _legend(above, names, truth=x_true is not None)
+    _legend(figure, names, truth=x_true is not None, bands=trust is not None, doubts=doubts)
     return figure
 
 
@@ -88,16 +105,52 @@ def _draw_states(
     axes.grid(alpha=0.3)
 
 
+def _draw_bands(axes: Axes, t: Array, x_hat: Array, std: Array) -> None:
+    """Bands, which leave the limits of the axes as they are."""
+    limits = axes.get_ylim()
+    for i in range(x_hat.shape[1]):
+        room = BARS * std[:, i]
+        axes.fill_between(t, x_hat[:, i] - room, x_hat[:, i] + room, color=color_of(i), **BAND)
+    axes.set_ylim(limits)
+
+
+def _shade_doubts(axes: Axes, t: Array, reasons: NDArray[np.uint8]) -> set[Reason]:
+    """Shade the time t (N,), s, of estimates that are in doubt, by reason; those that there are."""
+    edges = np.concatenate([[1.5 * t[0] - 0.5 * t[1]], 0.5 * (t[1:] + t[:-1]), [t[-1]]])
+    found = set()
+    for reason, color in DOUBTS.items():
+        there = np.concatenate([[0], (reasons & reason != 0).astype(int), [0]])
+        begin, end = (np.flatnonzero(np.diff(there) == sign) for sign in (1, -1))
+        if begin.size:
+            found.add(reason)
+            spans = list(zip(edges[begin], edges[end] - edges[begin], strict=True))
+            across = axes.get_xaxis_transform()
+            axes.broken_barh(spans, (0, 1), transform=across, color=color, linewidth=0, zorder=0.5)
+    return found
+
+
 def _draw_errors(
-    axes: Axes, t: Array, errors: Mapping[str, Array], quantity: str, colors: Sequence[Any]
+    axes: Axes,
+    t: Array,
+    drawn: tuple[Mapping[str, Array], Mapping[str, Array]],
+    quantity: str,
+    colors: Sequence[Any],
 ) -> None:
+    errors, bars = drawn
+    handles = []
     for i, (label, error) in enumerate(errors.items()):
+        color = colors[i % len(colors)]
         visible = np.where(error > 0, error, np.nan)
-        axes.plot(t, visible, color=colors[i % len(colors)], label=label, **ESTIMATE)
+        handles += axes.plot(t, visible, color=color, label=label, **ESTIMATE)
+        if label in bars:
+            above = np.where(bars[label] > 0, bars[label], np.nan)
+            axes.plot(t, above, color=color, **BAR)
     axes.set_yscale("log")
     axes.set_ylabel(f"error of {quantity}")
     axes.grid(alpha=0.3)
-    axes.legend(loc="lower right", ncols=min(3, len(errors)), fontsize="small")
+    if bars:
+        handles.append(Line2D([], [], color="0.2", label=f"{BARS:g} sd", **BAR))
+    axes.legend(handles=handles, loc="lower right", ncols=min(4, len(handles)), fontsize="small")
 
 
 def _limit(axes: Axes, known: Array, x_hat: Array) -> None:
@@ -109,7 +162,9 @@ def _limit(axes: Axes, known: Array, x_hat: Array) -> None:
     axes.set_ylim(max(bottom, lo - room) - 0.05 * room, min(top, hi + room) + 0.05 * room)
 
 
-def _legend(axes: Axes, names: Sequence[str], truth: bool) -> None:
+def _legend(
+    figure: Figure, names: Sequence[str], *, truth: bool, bands: bool, doubts: set[Reason]
+) -> None:
     handles: list[Line2D | Patch] = [
         Line2D([], [], color=color_of(i), label=name) for i, name in enumerate(names)
     ]
@@ -119,7 +174,16 @@ def _legend(axes: Axes, names: Sequence[str], truth: bool) -> None:
         Line2D([], [], color="0.2", label="estimated", **ESTIMATE),
         Patch(color="0.9", label="history"),
     ]
-    axes.legend(handles=handles, loc="upper right", ncols=min(len(handles), 6), fontsize="small")
+    if bands:
+        handles.append(Patch(color="0.2", label=f"± {BARS:g} sd", **BAND))
+    handles += [
+        Patch(color=color, label=f"doubt: {str(reason.name).lower()}")
+        for reason, color in DOUBTS.items()
+        if reason in doubts
+    ]
+    figure.legend(
+        handles=handles, loc="outside upper center", ncols=min(len(handles), 6), fontsize="small"
+    )
 
 
 def outputs_figure(t: Array, y: Array, names: Sequence[str], quantity: str) -> Figure:
