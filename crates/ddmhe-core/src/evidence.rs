@@ -22,6 +22,7 @@ use crate::covariance::inverse_factor;
 use crate::driving::Driving;
 use crate::error::Error;
 use crate::history::History;
+use crate::recorded_default::bends;
 use crate::reduction::Reduced;
 use crate::scaling::{EXACT, Scaling};
 use crate::variation::fifth_differences;
@@ -41,6 +42,10 @@ const SPREAD: f64 = 0.5;
 const PROMISE: f64 = 3.0;
 /// Share of held-out errors within three deviations.
 const COVERED: f64 = 0.997;
+/// Of the largest distance of recorded states, from where on leaving them counts.
+const FAR: f64 = 0.7;
+/// Held-out errors grow where those of the last third of a stretch are so many times the first's.
+const GROWS: f64 = 1.5;
 /// An output is stuck after so many equal values, or so many times the longest run recorded.
 const PATIENCE: (f64, f64) = (10.0, 3.0);
 /// Of its range, how far a channel may leave it.
@@ -73,7 +78,8 @@ pub(crate) struct Calibration {
     /// Variance of the reading noise of the states, in the user's units (n): by fifth differences, or
     /// what an affine step leaves, whichever is less.
     pub start: Vec<f64>,
-    away: Mat<f64>, // Σ_x⁻¹ / D_most (n × n), scaled
+    away: Mat<f64>,   // Σ_x⁻¹ / (.7 D_most) (n × n), scaled
+    growth: [f64; 3], // 2q, .1 T and T
 }
 
 impl Calibration {
@@ -88,7 +94,7 @@ impl Calibration {
             return Ok(None);
         }
         let (scaling, n) = (setup.scaling, history.n());
-        let exact = scaling.misfit(&scaling.one_step).into_iter().fold(0.0, f64::max) < EXACT;
+        let exact = is_exact(scaling);
         let recorded = setup.driving.is_some_and(|driving| driving.stationary.is_some());
         let stated = config.output_noise.is_some();
         let rule = match (recorded, exact, stated) {
@@ -110,7 +116,9 @@ impl Calibration {
         };
         let start = (0..n).map(reading).collect();
         let away = away(history, scaling);
-        Ok(Some(Calibration { rule, references, opening: Vec::new(), promise, start, away }))
+        let growth = growth(history, scaling, rule, replayed.last().map(|(_, of)| of));
+        let opening = Vec::new();
+        Ok(Some(Calibration { rule, references, opening, promise, start, away, growth }))
     }
 
     /// With what the first windows of a run from an unknown state are measured by.
@@ -148,7 +156,7 @@ impl Reference {
     }
 }
 
-/// Σ_x⁻¹ / D_most in scaled units: how far a state has left the recorded ones.
+/// Σ_x⁻¹ / (.7 D_most) in scaled units: how far a state has left the recorded ones.
 fn away(history: &History, scaling: &Scaling) -> Mat<f64> {
     let n = history.n();
     let all = 0..history.recordings();
@@ -156,7 +164,7 @@ fn away(history: &History, scaling: &Scaling) -> Mat<f64> {
     let recorded = all.flat_map(|i| history.states(i).chunks_exact(n));
     let most = recorded.map(|x| own.distance(x, scaling)).fold(0.0, f64::max);
     let held = folds(history).iter().map(|fold| fold.farthest(scaling)).fold(0.0, f64::max);
-    let most = most.max(held).max(f64::MIN_POSITIVE);
+    let most = (FAR * most.max(held)).max(f64::MIN_POSITIVE);
     own.inverse * faer::Scale(1.0 / most)
 }
 
@@ -200,6 +208,25 @@ impl Cloud {
 /// Added to a covariance of states, in units of the mean of its diagonal.
 const LEAST_SPREAD: f64 = 1e-9;
 
+/// How held-out errors grow with the time since what they were made from: 2q, .1 T and T, q = 0 where
+/// they do not. Thirds of a stretch of .2 T lie at 1 : 5, so g = 5^q.
+fn growth(
+    history: &History,
+    scaling: &Scaling,
+    rule: Rule,
+    deepest: Option<&Replayed>,
+) -> [f64; 3] {
+    let T = history.T() as f64;
+    let spread: Vec<f64> = scaling.unit_x.iter().zip(&scaling.s_x).map(|(u, s)| u / s).collect();
+    let g = match deepest {
+        Some(of) if rule.is_curved() && history.recordings() == 1 => of.growth(&spread),
+        _ => 1.0,
+    };
+    let power =
+        if g > GROWS && bends(history, scaling) { 2.0 * g.ln() / 5.0_f64.ln() } else { 0.0 };
+    [power, 0.1 * T, T]
+}
+
 /// C (Σ e eᵀ) C / Σ s, of vectors e and their s: three deviations cover [`COVERED`] of each entry.
 fn covering(vectors: &[Vec<f64>], s: &[f64]) -> Mat<f64> {
     let n = vectors.first().map_or(0, Vec::len);
@@ -226,6 +253,28 @@ fn quantile(values: &mut [f64], share: f64) -> f64 {
 }
 
 impl Replayed {
+    /// Root-mean-square error of the last thirds of all held-out stretches over that of the first.
+    fn growth(&self, spread: &[f64]) -> f64 {
+        let (mut first, mut last) = ((0.0, 0), (0.0, 0));
+        let mut from = 0;
+        for to in &self.stretches {
+            let third = (to - from) / 3;
+            let size = |e: &[Vec<f64>]| -> f64 {
+                let of = |e: &Vec<f64>| -> f64 {
+                    e.iter().zip(spread).map(|(e, s)| (e / s).powi(2)).sum()
+                };
+                e.iter().map(of).sum()
+            };
+            first = (first.0 + size(&self.errors[from..from + third]), first.1 + third);
+            let (end, rest) = (from + 2 * third, to - from - 2 * third);
+            last = (last.0 + size(&self.errors[end..*to]), last.1 + rest);
+            from = *to;
+        }
+        let mean = |(sum, count): (f64, usize)| sum / count.max(1) as f64;
+        let ratio = (mean(last) / mean(first)).sqrt();
+        if ratio.is_finite() { ratio } else { 1.0 }
+    }
+
     /// Root-mean-square error, state by state.
     fn rms(&self) -> Vec<f64> {
         let n = self.errors.first().map_or(0, Vec::len);
@@ -366,8 +415,13 @@ impl Calibration {
         let innovation = of.innovation.iter().zip(&noise.innovation).map(|(own, more)| own + more);
         let [V_0, V_most, J_most] = of.levels;
         let more = noise.rare();
+        let levels = match self.rule {
+            // of noise of one unit: the run itself says how much there is
+            Rule::Exact => [noise.V[0], more, f64::INFINITY],
+            _ => [V_0 + noise.V[0], V_most + more, J_most + more],
+        };
         DepthNumbers {
-            levels: [V_0 + noise.V[0], V_most + more, J_most + more],
+            levels,
             carry: entries(&kept(carry), &|i, j| s_x[i] / s_x[j]),
             error: entries(&error, &|i, j| s_x[i] * s_x[j]),
             deleted: entries(deleted, &|i, j| s_y[i] / s_y[j]),
@@ -423,6 +477,7 @@ impl Calibration {
             u_range: [u.iter().map(|(lo, _)| *lo).collect(), u.iter().map(|(_, hi)| *hi).collect()],
             patience: (0..p).map(patience).collect(),
             drift: config.drift.clone().unwrap_or_default(),
+            growth: self.growth.into_iter().chain([f64::from(config.x_prior.is_some())]).collect(),
             model: driving
                 .filter(|_| self.rule == Rule::Filter)
                 .and_then(|driving| ModelNumbers::new(history, scaling, driving)),
@@ -443,6 +498,7 @@ pub(crate) struct PlanNumbers {
     pub u_range: [Vec<f64>; 2],
     pub patience: Vec<f64>,
     pub drift: Vec<f64>,
+    pub growth: Vec<f64>,
     pub model: Option<ModelNumbers>, // with the weights of the recording
 }
 
@@ -456,10 +512,18 @@ fn longest_run(history: &History, i: usize) -> usize {
     (0..history.recordings()).map(of).max().unwrap_or(0)
 }
 
+/// Whether an affine step explains the recording but for rounding.
+fn is_exact(scaling: &Scaling) -> bool {
+    scaling.misfit(&scaling.one_step).into_iter().fold(0.0, f64::max) < EXACT
+}
+
 /// Variances of stated noise beyond what the recording has, in scaled units (p); none stated: zeros.
 pub(crate) fn stated_beyond(config: &Config, scaling: &Scaling) -> Vec<f64> {
     let p = scaling.s_y.len();
-    let Some(stated) = &config.output_noise else { return vec![0.0; p] };
+    let Some(stated) = &config.output_noise else {
+        // of an exact recording one unit, to measure a run by
+        return vec![f64::from(u8::from(is_exact(scaling))); p];
+    };
     let beyond = |i: usize| {
         let stated = stated[i % stated.len()];
         (stated * stated - scaling.noise_y[i]).max(0.0) / (scaling.s_y[i] * scaling.s_y[i])

@@ -389,6 +389,7 @@ impl Ground {
                 range.into_iter().zip(of).for_each(|(values, span)| block.write(span, values));
             }
             block.write(spans.patience, numbers.patience);
+            block.write(spans.growth, numbers.growth);
             block.write(spans.drift, numbers.drift);
             if let Some(model) = numbers.model {
                 write_model(spans.model, &model, &mut block);

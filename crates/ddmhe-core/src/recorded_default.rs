@@ -123,6 +123,15 @@ fn telling(scaling: &Scaling, residuals: &Mat<f64>) -> Vec<usize> {
     (0..residuals.ncols()).filter(|j| noise(j) > EXACT * spreads[*j].powi(2)).collect()
 }
 
+/// Whether what an affine step leaves of the recording is not white, or products of states explain a
+/// part of it: the motion is not that of a linear system.
+pub(crate) fn bends(history: &History, scaling: &Scaling) -> bool {
+    let model = LinearModel::new(history, scaling);
+    let told = telling(scaling, &model.residuals);
+    lag_one(history, &model.residuals, &told) > LAG
+        || curvature(history, scaling, (&model.residuals, &told)) > CURVED
+}
+
 /// The largest lag-1 autocorrelation of the columns, none across a seam.
 fn lag_one(history: &History, residuals: &Mat<f64>, told: &[usize]) -> f64 {
     let mut first = 0;

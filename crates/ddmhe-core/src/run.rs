@@ -68,6 +68,8 @@ struct SavedEvidence {
     scores: Vec<f64>,
     since: usize,
     inflation: f64,
+    steps: f64,
+    samples: f64,
     value: f64,
     limit: f64,
     reasons: u8,
@@ -82,6 +84,8 @@ impl SavedEvidence {
             scores: scores.to_vec(),
             since: judged.since,
             inflation: judged.inflation,
+            steps: judged.steps,
+            samples: judged.samples,
             value: judged.value,
             limit: judged.limit,
             reasons: judged.reasons.bits(),
@@ -100,9 +104,9 @@ impl SavedEvidence {
     }
 
     fn resume(&self, memory: &mut Memory<Vec<f64>>) {
-        let SavedEvidence { since, inflation, value, limit, .. } = *self;
+        let SavedEvidence { since, inflation, steps, samples, value, limit, .. } = *self;
         let reasons = Reasons::from_bits(self.reasons);
-        let judged = Judged { since, inflation, value, limit, reasons };
+        let judged = Judged { since, inflation, steps, samples, value, limit, reasons };
         memory.resume_evidence([&self.kept, &self.covariances, &self.scores], judged);
     }
 }
@@ -153,7 +157,7 @@ impl Run {
         self.reserve(design);
         let filled = filled(history, self.start, design.settings.horizon);
         let first = first_window((history, scaling), self.start, filled, x_prior);
-        self.refill(design, &first);
+        self.refill(design, &first, x_prior.is_some());
         if let Some(bound) = &mut self.bound {
             bound.restart(filled + 1);
         }
@@ -220,7 +224,7 @@ impl Run {
         check_finite("blob", &tail, n)?;
         design.watch.check(&seen)?;
         doubts.check(&design.history)?;
-        self.refill(design, &window);
+        self.refill(design, &window, false);
         self.memory.resume(design.problem(samples).layout().depth, &active, moves);
         self.memory.resume_filter(&design.ground.shared(), (chain, &tail));
         if let Some(evidence) = evidence {
@@ -252,7 +256,7 @@ impl Run {
 
     /// Another window.
     #[cold]
-    fn refill(&mut self, design: &Design, window: &Samples) {
+    fn refill(&mut self, design: &Design, window: &Samples, elsewhere: bool) {
         self.memory.clear();
         for x in window.states.chunks_exact(design.history.n()) {
             self.memory.push_state(x.iter().copied());
@@ -264,7 +268,7 @@ impl Run {
             self.memory.push_input(u.iter().copied());
         }
         let unknown = self.start == Start::Unknown;
-        self.memory.start_evidence(&design.ground.shared(), unknown);
+        self.memory.start_evidence(&design.ground.shared(), unknown, elsewhere);
     }
 
     /// Whether a step may be a filter's, with nothing but x̂(t) made: see

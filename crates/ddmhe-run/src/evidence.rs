@@ -11,13 +11,15 @@
 //! D(t) = (x̂ - x̄)ᵀ Σ_x⁻¹ (x̂ - x̄), x̄ and Σ_x the mean and covariance of the recorded states, says how
 //! far the estimate has left them; D_most is the largest D of recorded states, and of held-out ones
 //! under what their estimates were made from. What curvature makes of an error goes like the square
-//! of that distance.
+//! of that distance. G is what held-out errors of a curved recording grew by with the time since what
+//! they were made from: see [`formulas::growth`].
 //!
 //! # The covariance
 //! The error of x̂(t) is that of x̄(t-m), carried by the map Φ: x̄ → x̂(t), and what the window adds:
 //!
-//! > A = Φ Σ(t-m) Φᵀ,  Q = s Q₀,  s = max(s(V/V₀), (D/D_most)² where D > D_most),
-//! > s(v) = v for v ≤ 1, v^1.5 above
+//! > A = Φ Σ(t-m) Φᵀ,  Q = s Q₀,  s = max(s(v), G v, u² where u > 1)
+//! >
+//! > v = V/V₀,  s(v) = v for v ≤ 1, v^1.5 above,  u = D/(.7 D_most)
 //! >
 //! > Σ(t) = A (1 + 1/κ) + Q (1 + κ),  κ² = tr A / tr Q, each state in units of its recorded spread
 //!
@@ -61,7 +63,8 @@ pub enum Rule {
     /// The same with stated noise beyond the recording's: s is 1 at least.
     Louder,
     /// An exact recording, and nothing known of the noise of later outputs: what V shows of it is
-    /// all there is, s(v) = v and Σ = A + Q.
+    /// all there is. V₀ and Q₀ are those of noise of one unit, s is the mean of v over the last M
+    /// steps, forgotten exponentially, and Σ = A + Q.
     Exact,
     /// An exact recording and stated noise: s = 1 as long as V is what that noise explains, and
     /// Σ = A + Q.
@@ -75,8 +78,8 @@ impl Rule {
     const ALL: [Rule; 6] =
         [Rule::Off, Rule::Curved, Rule::Louder, Rule::Exact, Rule::Stated, Rule::Filter];
 
-    /// Whether the errors of x̄ and of the window are unlike in nothing that is known.
-    pub(crate) fn curved(self) -> bool {
+    /// Whether it is that of a noisy recording in weights of its own choice.
+    pub fn is_curved(self) -> bool {
         matches!(self, Rule::Curved | Rule::Louder)
     }
 

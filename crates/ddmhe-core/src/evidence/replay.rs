@@ -48,6 +48,8 @@ pub(crate) struct Replayed {
     pub J: Vec<f64>,
     /// x̂ - x of each (n).
     pub errors: Vec<Vec<f64>>,
+    /// How many windows there are at the end of each held-out stretch.
+    pub stretches: Vec<usize>,
     /// What its newest output differs by from what the others say it is (p).
     pub innovations: Vec<Vec<f64>>,
 }
@@ -187,6 +189,7 @@ impl Fold {
             let own = |i: usize| (0..p).map(|j| deleted[(i, j)] * newest[j]).sum::<f64>();
             found.innovations.push((0..p).map(own).collect());
         }
+        found.stretches.push(found.V.len());
         Ok(())
     }
 }

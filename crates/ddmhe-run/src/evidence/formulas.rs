@@ -19,9 +19,17 @@ pub fn inflation(rule: Rule, v: f64, limit: f64) -> f64 {
     match rule {
         Rule::Curved | Rule::Louder if v > 1.0 => v * v.root(),
         Rule::Louder => 1.0,
-        Rule::Stated | Rule::Filter if v <= limit => 1.0,
+        Rule::Stated if v <= limit => 1.0,
         _ => v,
     }
+}
+
+/// G = max(1, (d/(.1 T))^2q): what errors of curved recordings grow by with the number d of samples
+/// since the recording's end, at most T, where held-out ones grew; 1 for q = 0.
+#[inline(always)]
+pub fn growth([power, tenth, all, _]: [f64; 4], samples: f64) -> f64 {
+    let far = if samples < all { samples } else { all };
+    if power == 0.0 || far <= tenth { 1.0 } else { libm::pow(far / tenth, power) }
 }
 
 /// What a χ² of these degrees is above once in ten thousand times, by Wilson and Hilferty.

@@ -26,6 +26,9 @@ pub struct PlanSpans {
     pub weights: Span,
     /// What the recording leaves open of its model, with the recording's weights.
     pub model: ModelSpans,
+    /// How held-out errors grow: 2q, .1 T and T of [`growth`](crate::evidence::formulas::growth), and
+    /// how many samples a new run is from the recording's end.
+    pub growth: Span,
     /// W: what a sample adds to Q (n × n).
     pub drift: Span,
 }
@@ -47,6 +50,7 @@ impl PlanSpans {
             patience: next.take(kept(p)),
             weights: next.take(if plain { kept(horizon * p) } else { 0 }),
             model: ModelSpans::new([n, m], filter, next),
+            growth: next.take(kept(4)),
             drift: next.take(kept(n * n)),
         }
     }
@@ -96,11 +100,17 @@ pub struct OfPlan<'a> {
     pub(crate) patience: &'a [f64],
     pub(crate) weights: &'a [f64],
     pub(crate) model: OfModel<'a>,
+    pub(crate) growth: [f64; 4],
     pub(crate) drift: Option<&'a [f64]>,
     pub(crate) horizon: usize,
 }
 
 impl<'a> OfPlan<'a> {
+    /// Whether a new run is not to begin at the recording's end.
+    pub fn starts_elsewhere(&self) -> bool {
+        self.growth[3] > 0.0
+    }
+
     /// Whether state i with this variance is uncertain.
     pub fn is_uncertain(&self, i: usize, variance: f64) -> bool {
         variance > self.uncertain[i]
@@ -130,6 +140,7 @@ impl<'a> OfPlan<'a> {
             patience: of(spans.patience),
             weights: of(spans.weights),
             model: OfModel::new(spans.model, numbers),
+            growth: spans.growth.of(numbers).try_into().unwrap_or_default(),
             drift: sizes.drifts.then(|| of(spans.drift)),
         }
     }

@@ -1,7 +1,7 @@
 //! The evidence on the estimates of a window: see [`evidence`](crate::evidence).
 
 use crate::evidence::formulas::{
-    WIDE, anywhere, distance, inflation, join, limited, sandwich, wide,
+    WIDE, anywhere, distance, growth, inflation, join, limited, sandwich, wide,
 };
 use crate::evidence::{Evidence, OfDepth, OfPlan, Reasons, Rule, Sensitivity};
 use crate::memory::stretches::samples;
@@ -39,7 +39,7 @@ pub struct Told<'a> {
 
 /// Where what is kept of it is; nothing where no evidence is asked for.
 #[derive(Debug, Clone)]
-pub(super) struct Witness {
+pub(crate) struct Witness {
     covariances: SlidingBuffer, // Σ of each state that is kept
     last: usize,                // of each output the newest that was measured (p)
     repeats: usize,             // how often in a row (p)
@@ -60,6 +60,10 @@ pub struct Judged {
     pub since: usize,
     /// s of the step before.
     pub inflation: f64,
+    /// Steps that s is the mean of, up to the horizon, where it is one.
+    pub steps: f64,
+    /// Samples since the recording's end.
+    pub samples: f64,
     /// Of the newest estimate.
     pub reasons: Reasons,
     /// V / V₀ of its window.
@@ -71,7 +75,8 @@ pub struct Judged {
 impl Judged {
     fn new(horizon: usize) -> Self {
         let (reasons, value, limit) = (Reasons::default(), 0.0, 0.0);
-        Judged { since: horizon, inflation: 1.0, reasons, value, limit }
+        let (steps, samples) = (0.0, 0.0);
+        Judged { since: horizon, inflation: 1.0, steps, samples, reasons, value, limit }
     }
 }
 
@@ -116,7 +121,7 @@ impl Witness {
         block: &mut [f64],
         known: &OfPlan<'_>,
         (states, unknown): (usize, bool),
-        s_x: &[f64],
+        (s_x, samples): (&[f64], f64),
     ) {
         self.covariances.clear();
         for _ in 0..states {
@@ -129,7 +134,7 @@ impl Witness {
         let p = known.patience.len();
         block[self.last..self.last + p].fill(f64::NAN);
         block[self.repeats..self.repeats + p].fill(0.0);
-        self.judged = Judged::new(known.horizon);
+        self.judged = Judged { samples, ..Judged::new(known.horizon) };
         if known.rule == Rule::Filter {
             self.start_filter(block, &known.model, s_x);
         }
@@ -168,7 +173,7 @@ impl Witness {
         let (plan, full) = told.known;
         let (n, p) = (told.x.len(), told.newest.len());
         let (share, of_V) = self.weigh(depth, told);
-        let s = of_V.max(self.leaving(block, told));
+        let s = of_V.max(self.leaving(block, told)).max(self.growing(plan));
         self.covariances.next(block);
         let kept = self.covariances.last(depth + 1);
         block.copy_within(kept.start..kept.start + n * n, self.prior);
@@ -186,7 +191,7 @@ impl Witness {
         let now = &mut known[kept.end - n * n..kept.end];
         let prior = &prior[..n * n];
         sandwich(own.carry, prior, n, work, now);
-        join(now, own.error, s, plan.per_spread, !plan.rule.curved());
+        join(now, own.error, s, plan.per_spread, !plan.rule.is_curved());
         if let Some(drift) = plan.drift {
             now.iter_mut().zip(drift).for_each(|(sum, drift)| *sum += depth as f64 * drift);
         }
@@ -214,14 +219,43 @@ impl Witness {
         let [V_0, V_most, _] = own.levels;
         self.judged.value = if share > 0.0 { told.sizes[0] / (V_0 * share) } else { 0.0 };
         self.judged.limit = V_most / V_0;
+        if plan.rule == Rule::Exact {
+            return (share, self.noise_level());
+        }
         (share, inflation(plan.rule, self.judged.value, self.judged.limit))
     }
 
-    /// (D/D_most)² where the estimate has left the recorded states.
+    /// The mean of v, a step later. What is told is v in units of the mean before, once that is one of
+    /// M steps.
+    fn noise_level(&mut self) -> f64 {
+        let before = self.judged;
+        let M = self.horizon as f64;
+        self.judged.steps = (before.steps + 1.0).min(M);
+        let v = self.judged.value;
+        let told = if before.steps == M { v / before.inflation } else { 1.0 };
+        self.judged.value = if told.is_nan() { 0.0 } else { told };
+        if before.steps == 0.0 {
+            v
+        } else {
+            before.inflation + (v - before.inflation) / self.judged.steps
+        }
+    }
+
+    /// G v, one sample later.
+    #[inline(always)]
+    fn growing(&mut self, plan: &OfPlan<'_>) -> f64 {
+        self.judged.samples += 1.0;
+        if plan.growth[0] == 0.0 {
+            return 0.0;
+        }
+        growth(plan.growth, self.judged.samples) * self.judged.value
+    }
+
+    /// u² where the estimate has left the recorded states.
     #[inline(always)]
     fn leaving(&self, block: &mut [f64], told: &Told<'_>) -> f64 {
         let plan = told.known.0;
-        if !plan.rule.curved() {
+        if !plan.rule.is_curved() {
             return 0.0;
         }
         let deviation = &mut block[self.work..self.work + told.x.len()];

@@ -13,7 +13,7 @@ use core::ops::Range;
 
 /// Where the parts of the filter's covariance are, all in scaled units; nothing under other rules.
 #[derive(Debug, Clone)]
-pub(super) struct OfFilter {
+pub(crate) struct OfFilter {
     K: usize,     // (q+1 n × n)
     b: usize,     // (n)
     P: usize,     // of x̂(t) (n × n)

@@ -2,10 +2,10 @@
 
 use crate::evidence::{Evidence, OfDepth, OfPlan};
 use crate::kalman::Kalman;
-use crate::memory::Memory;
-use crate::memory::witness::{FilterStep, Judged, Told};
+use crate::memory::{FilterStep, Judged, Memory, Told};
 use crate::plan::common::Shared;
 use crate::problem::{WindowProblem, WindowSolution};
+use crate::tol;
 
 /// The newest estimate and output, as they came and went.
 #[derive(Debug, Clone, Copy)]
@@ -20,11 +20,12 @@ pub struct Newest<'a> {
 
 impl<B: AsRef<[f64]> + AsMut<[f64]>> Memory<B> {
     /// Σ of the states that are kept, as at the beginning of a run.
-    pub fn start_evidence(&mut self, shared: &Shared<'_>, unknown: bool) {
+    pub fn start_evidence(&mut self, shared: &Shared<'_>, unknown: bool, elsewhere: bool) {
         if let Some(known) = &shared.evidence {
             let states = self.states.len;
             let at = (states, unknown);
-            self.witness.start(self.block.as_mut(), known, at, shared.s_x);
+            let samples = if elsewhere || unknown { known.growth[2] } else { 0.0 };
+            self.witness.start(self.block.as_mut(), known, at, (shared.s_x, samples));
         }
     }
 
@@ -67,6 +68,48 @@ impl<B: AsRef<[f64]> + AsMut<[f64]>> Memory<B> {
                 self.witness.judge(self.block.as_mut(), (self.depth, maps), &told);
             }
         }
+    }
+
+    /// y(t-1) and u(t-1) taken in, and x̂(t) into x, in the user's units, where the estimates in the
+    /// window are one filter's and nothing else is asked for: its cost. None where this step is
+    /// another; nothing has changed then.
+    #[inline(always)]
+    pub(crate) fn filter_alone(
+        &mut self,
+        (shared, evidence): (&Shared<'_>, &Option<OfDepth<'_>>),
+        (y, u): (&[f64], &[f64]),
+        (depth, x): (usize, &mut [f64]),
+    ) -> Option<f64> {
+        let kalman = shared.kalman.as_ref()?;
+        let usual = self.missing == 0 && self.filtering.goes_on(depth);
+        if !usual {
+            return None;
+        }
+        let missing = self.push_output(shared.output_deviations(y));
+        self.push_input(shared.input_deviations(u));
+        let at = self.stretches();
+        self.filtering.step_ahead(self.block.as_mut(), at, kalman, [1, 1]);
+        let next = self.filtering.ahead(self.block.as_ref(), self.states.width);
+        // NaN where an output was not measured
+        if !next.iter().fold(true, |near, x| near & (x.abs() <= tol::MEASURABLE)) || missing > 0 {
+            self.outputs.retract();
+            self.inputs.retract();
+            self.filtering.retract();
+            self.missing -= missing;
+            return None;
+        }
+        for (i, (to, next)) in x.iter_mut().zip(next).enumerate() {
+            *to = next * shared.s_x[i] + shared.mean_x[i];
+        }
+        if self.depth != depth {
+            self.deepen(depth);
+        }
+        let cost = self.filtering.cost(self.block.as_ref(), depth);
+        if shared.sizes.judged() {
+            self.judge_alone(shared, evidence.as_ref(), cost, (y, x));
+        }
+        self.push_state(shared.state_deviations(x));
+        Some(cost)
     }
 
     /// The same where a filter alone has made x̂(t), at this cost.
