@@ -147,7 +147,7 @@ impl Reference {
         let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len() as f64;
         let most = |values: &[f64]| values.iter().copied().fold(0.0, f64::max);
         let V_0 = mean(&of.V).max(f64::MIN_POSITIVE.sqrt());
-        let levels = [V_0, NOVEL * most(&of.V).max(V_0), NOVEL * most(&of.J).max(V_0)];
+        let levels = [V_0, NOVEL * most(&of.V).max(V_0), NOVEL * most(&of.J)];
         let s: Vec<f64> = of.V.iter().map(|V| inflation(rule, V / V_0, f64::INFINITY)).collect();
         let error = covering(&of.errors, &s);
         let innovations = covering(&of.innovations, &s);
