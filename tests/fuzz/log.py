@@ -13,7 +13,9 @@ with atheris.instrument_imports(include=["ddmhe.recordings"]):
     from ddmhe import DdmheError
     from ddmhe.recordings import read_log
 
-FOLDER = tempfile.mkdtemp(prefix="ddmhe-fuzz-", dir="/dev/shm" if os.path.isdir("/dev/shm") else None)
+FOLDER = tempfile.mkdtemp(
+    prefix="ddmhe-fuzz-", dir="/dev/shm" if os.path.isdir("/dev/shm") else None
+)
 PATH = os.path.join(FOLDER, "log.csv")
 
 
@@ -35,9 +37,10 @@ def said(call):
     try:
         return call()
     except DdmheError as e:
-        assert str(e)
-        assert "\n" not in str(e)
-        return None
+        words = str(e)
+    assert words
+    assert "\n" not in words
+    return None
 
 
 def read(data):
