@@ -4,6 +4,7 @@
 use crate::plan::{Flash, configs, recorded, refused, sealed, small};
 use crate::systems::modes;
 use ddmhe_core::{Config, DdMhe, Start};
+use ddmhe_run::evidence::Rule;
 use ddmhe_run::memory::memory_len;
 use ddmhe_run::plan::{Common, Depth, Kind, Sizes};
 use ddmhe_run::{PlanError, Prices, Stepper};
@@ -142,6 +143,12 @@ fn lengths_can_be_counted_in_32_bits() {
             w_bounded: flag(4) && flag(5),
             driven: flag(5),
             prices: Prices { x: f64::from(u8::from(flag(7))), ..Prices::default() },
+            rule: match (flag(8), flag(6) && flag(5)) {
+                (false, _) => Rule::Off,
+                (true, true) => Rule::Filter,
+                (true, false) => Rule::Curved,
+            },
+            drifts: flag(8),
         }
     };
     assert!(sizes([20, 20, 5, 100, 40], 127).countable(largest));
@@ -154,7 +161,7 @@ fn lengths_can_be_counted_in_32_bits() {
     for _ in 0..60_000 {
         // of every magnitude up to what a header may say
         let five = std::array::from_fn(|_| 2_f64.powf(rng.random_range(0.0..19.9)) as usize);
-        let sizes = sizes(five, rng.random_range(0..256));
+        let sizes = sizes(five, rng.random_range(0..512));
         if !sizes.countable(largest) {
             continue;
         }
