@@ -117,7 +117,7 @@ fn a_run_that_would_lack_a_block_is_refused() {
     assert_eq!(refused(&sealed(with(&full, 8, 1.0))), PlanError::Sizes);
     // more directions than any block has, and flags that nobody knows
     assert_eq!(refused(&sealed(with(&grown, 7, found(7) + 1.0))), PlanError::Sizes);
-    assert_eq!(refused(&sealed(with(&grown, 11, found(11) + 256.0))), PlanError::Sizes);
+    assert_eq!(refused(&sealed(with(&grown, 11, found(11) + 512.0))), PlanError::Sizes);
 }
 
 /// No length of a plan, nor the room for a step, exceeds 32 bits where the sizes are called
@@ -167,7 +167,7 @@ fn lengths_can_be_counted_in_32_bits() {
         }
         let Sizes { n, p, horizon, rank, centered, .. } = sizes;
         let layout = sizes.layout(horizon);
-        let kind = Kind { centered, ..Kind::default() };
+        let kind = Kind { centered, judged: sizes.judged(), ..Kind::default() };
         let block = Depth::new(layout, rank, kind).len;
         let answer = (horizon + 2) * n + horizon * p + layout.disturbances_len();
         let room = memory_len(sizes) + answer;

@@ -102,7 +102,7 @@ impl Sizes {
             .checked_add(theta)?
             .checked_add(left)?
             .checked_add(judged)?
-            .checked_mul(24)
+            .checked_mul(16)
     }
 
     /// Of the windows of a depth.
