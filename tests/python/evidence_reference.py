@@ -1,10 +1,12 @@
 """Independent reference of what an estimate says about itself: a NumPy twin of the estimator with
-the default rule (no bounds, no inputs), its covariance and its doubts.
+the default rule (no bounds, no inputs).
 
 Horizon, ρ, μ and λ are read off an estimator; scales are computed here, as docs/defaults.md has
-them. All matrices are in scaled units, rows of a window ordered [x(0) … x(m), y(0) … y(m-1)]."""
+them. All matrices are in scaled units, rows of a window ordered [x(0) … x(m), y(0) … y(m-1)].
+Covariance and doubts of its estimates: evidence_of_spaces.py."""
 
-from dataclasses import dataclass, field
+import itertools
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -65,7 +67,7 @@ class Scales:
         """Those of the rule, or of the challenger that took its place (μ is no longer .1)."""
         parts = history.recordings
         X, Y = (np.vstack([part[i] for part in parts]) for i in (0, 1))
-        n, p = X.shape[1], Y.shape[1]
+        n = X.shape[1]
         of_x, of_y = groups(list(history.x_units)), groups(list(history.y_units))
         var_x, var_y = shared(X.var(axis=0), of_x), shared(Y.var(axis=0), of_y)
         left = shared(one_step(parts)[:n], of_x)
@@ -94,7 +96,7 @@ def held_out_error(parts, spread, est, noise):
     N = len(U)
     edges, gap = [-(-b * N // 6) for b in range(7)], min(3, N // 12)
     blocks = []
-    for first, end in zip(edges[:-1], edges[1:], strict=True):
+    for first, end in itertools.pairwise(edges):
         learnt = np.r_[0 : max(first - gap, 0), min(end + gap, N) : N]
         u, a, k = U[learnt] - U[learnt].mean(0), A[learnt] - A[learnt].mean(0), len(learnt)
         W = np.linalg.solve(u.T @ u / k + np.eye(u.shape[1]), u.T @ a / k)
@@ -131,7 +133,7 @@ class Window:
         W = np.array(rows)
         self.N, c = len(W), W.mean(axis=0)
         W = W - c
-        if self.N > W.shape[1]:
+        if W.shape[1] < self.N:
             W = np.linalg.qr(W, mode="r")
         S, V = np.linalg.svd(W, full_matrices=False)[1:]
         floor = max(S[0] * np.finfo(float).eps * max(self.N, len(c)), rounding * self.N**0.5)

@@ -1,0 +1,215 @@
+"""Independent reference of the covariance and the doubts of an estimate, for weights of scaled
+units: held-out windows of the recording say how large an error goes with how large a minimum V.
+
+Everything is in the scaled units of the twin."""
+
+import itertools
+from dataclasses import dataclass
+
+import numpy as np
+
+from evidence_reference import Twin, one_step
+
+
+def folds(parts, origins=(0.6, 0.8)):
+    """[(training parts, x, y, first target)]: with one recording what comes after each origin, up
+    to the next; with several the four longest in turn, learnt from the others."""
+    if len(parts) == 1:
+        (x, y), T = parts[0], len(parts[0][1])
+        edges = [int(o * T) for o in (*origins, 1.0)]
+        return [([(x[: s + 1], y[:s])], x[: e + 1], y[:e], s)
+                for s, e in itertools.pairwise(edges)]  # fmt: skip
+    longest = np.argsort([-len(y) for _, y in parts], kind="stable")[:4]
+    return [([q for j, q in enumerate(parts) if j != i], *parts[i], 0) for i in longest]
+
+
+def shortened(parts, m, n):
+    """The depth, at most m, that leaves max(2n+1, .4 T) windows."""
+    T = sum(len(y) for _, y in parts)
+    while m > 1 and sum(max(len(y) - m + 1, 0) for _, y in parts) < max(2 * n + 1, 0.4 * T):
+        m -= 1
+    return m
+
+
+@dataclass
+class Held:
+    """Held-out windows of one nominal depth: error e (L, n), V, J (L,), ν (L, p)."""
+
+    e: np.ndarray
+    V: np.ndarray
+    J: np.ndarray
+    nu: np.ndarray
+
+
+def held_out(twin, depth):
+    """Held-out windows with the recorded state for a prior."""
+    found = []
+    for parts, x, y, first in folds(twin.parts):
+        m = min(shortened(parts, depth, twin.n), len(y))
+        window = twin.window(parts, m)
+        at = np.arange(max(first + 1, m), len(y) + 1)
+        if not len(at):
+            continue
+        outputs = np.array([y[k - m : k].ravel() for k in at])
+        x_hat, J, L, nu = window.solve(x[at - m], outputs)
+        found.append((x_hat - x[at], J + twin.lam * L, J, nu))
+    return Held(*(np.concatenate(part) for part in zip(*found, strict=True)))
+
+
+def stretch(v):
+    """s(v): what the squared error does with v = V/V0."""
+    return np.where(v <= 1, v, v**1.5)
+
+
+@dataclass
+class Reference:
+    """What the held-out windows of one depth say."""
+
+    V0: float
+    Vmax: float
+    Jmax: float
+    Q0: np.ndarray
+    S0: np.ndarray
+    h: np.ndarray
+
+
+def calibrated(held, exact):
+    """`exact`: nothing is scaled by V."""
+    V0 = max(held.V.mean(), 1e-300)
+    s = np.ones(len(held.V)) if exact else stretch(held.V / V0)
+    Q = held.e.T @ held.e / max(s.sum(), 1e-300)
+    ratio = np.abs(held.e) / np.sqrt(np.outer(s, np.diag(Q)) + 1e-300)
+    c = np.maximum(1, np.quantile(ratio, 0.997, axis=0) / 3)
+    S = np.diag(held.nu.T @ held.nu) / max(s.sum(), 1e-300)
+    h = np.sqrt((held.e**2).mean(axis=0))
+    return Reference(V0, held.V.max(), held.J.max(), Q * np.outer(c, c), S, h)
+
+
+def mahalanobis(parts, x):
+    """D of states x (L, n): squared distance from the mean of the recorded states, in units of
+    their covariance."""
+    X = np.vstack([states for states, _ in parts])
+    n = X.shape[1]
+    S = np.cov(X.T, bias=True).reshape(n, n)
+    S = S + 1e-9 * np.trace(S) / n * np.eye(n)
+    away = x - X.mean(axis=0)
+    return (away * np.linalg.solve(S, away.T).T).sum(axis=1)
+
+
+def farthest(twin):
+    """D_max: the largest D of the recorded states, and of held-out ones under what they were
+    estimated from."""
+    own = mahalanobis(twin.parts, np.vstack([x for x, _ in twin.parts])).max()
+    held = [mahalanobis(parts, x[first + 1 :]).max() for parts, x, _, first in folds(twin.parts)]
+    return max(own, *held)
+
+
+class Evidence:
+    """What the estimates of a twin say about themselves."""
+
+    def __init__(self, twin: Twin, output_noise=None):
+        """`output_noise`: stated deviation of online outputs (p), in the user's units."""
+        self.twin, self.exact = twin, twin.lam == 0
+        halved = [twin.M]
+        while halved[-1] > 1:
+            halved.append(halved[-1] // 2)
+        self.held = {d: held_out(twin, d) for d in halved}
+        self.reference = {d: calibrated(held, self.exact) for d, held in self.held.items()}
+        self.P0 = np.diag(np.minimum(twin.noise_x, one_step(twin.parts)[: twin.n]))
+        self.farthest = farthest(twin)
+        self.noise = None if output_noise is None else (output_noise / twin.scales.s_y) ** 2
+        self.longest = np.max([[longest_run(c) for c in y.T] for _, y in twin.parts], axis=0)
+
+    @property
+    def h(self):
+        """The promise (n)."""
+        return self.reference[self.twin.M].h
+
+    def of_depth(self, m):
+        """The reference of the largest calibrated depth at most m."""
+        return self.reference[max(d for d in self.reference if d <= m)]
+
+    def sizes(self, m):
+        """V0 and Q0 of depth m with the stated noise."""
+        found = self.of_depth(m)
+        if self.noise is None:
+            return found.V0, found.Q0
+        window = self.twin.windows[m]
+        R = np.tile(self.noise, m)
+        V = float(window.share[self.twin.n :] @ R)
+        return found.V0 + V, found.Q0 + (window.Gamma * R) @ window.Gamma.T
+
+    def stretches(self, trace):
+        """s (N,): by V, and by how far the estimate has left the recorded states."""
+        if self.exact:
+            return np.ones(len(trace.V))
+        v = trace.V / np.array([self.sizes(m)[0] for m in trace.m])
+        s = stretch(v) if self.noise is None else np.maximum(stretch(v), 1)
+        u = mahalanobis(self.twin.parts, trace.x) / self.farthest
+        return np.maximum(s, np.where(u > 1, u**2, 0))
+
+    def covariance(self, trace, P0=None):
+        """Σ(t) (N, n, n)."""
+        twin, s = self.twin, self.stretches(trace)
+        Sigma = np.zeros((len(s) + 1, twin.n, twin.n))
+        Sigma[0] = self.P0 if P0 is None else P0
+        for t in range(1, len(Sigma)):
+            m = trace.m[t - 1]
+            Phi = twin.windows[m].Phi
+            A, Q = Phi @ Sigma[t - m] @ Phi.T, s[t - 1] * self.sizes(m)[1]
+            Sigma[t] = A + Q if self.exact else joined(A, Q, twin.spread)
+        return Sigma[1:]
+
+    def beyond(self, trace):
+        """(N,) whether V or J is beyond three times all that was held out."""
+        V, J = np.array([[self.of_depth(m).Vmax, self.of_depth(m).Jmax] for m in trace.m]).T
+        return (trace.V > 3 * V) | (trace.J > 3 * J)
+
+    def novel(self, trace):
+        """(N,) whether some step in the last M was beyond."""
+        beyond, M = self.beyond(trace), self.twin.M
+        return np.array([beyond[max(t - M + 1, 0) : t + 1].any() for t in range(len(beyond))])
+
+    def uncertain(self, Sigma):
+        """(N,) whether the deviation of a state is beyond half its spread and three promises."""
+        limit = np.maximum(0.5 * self.twin.spread, 3 * self.h)
+        return (np.sqrt(np.diagonal(Sigma, axis1=1, axis2=2)) > limit).any(axis=1)
+
+    def outside(self, trace):
+        """(N,) whether the estimate is a quarter outside of the recorded states."""
+        return mahalanobis(self.twin.parts, trace.x) > 1.5 * self.farthest
+
+    def stuck(self, Y):
+        """(N, p) whether an output has had its value for max(10, three of the longest recorded
+        runs)."""
+        limit = np.maximum(10, 3 * self.longest)
+        run = np.ones(np.shape(Y), int)
+        for t in range(1, len(run)):
+            run[t] = np.where(Y[t] == Y[t - 1], run[t - 1] + 1, 1)
+        return run >= limit
+
+    def gate_ratio(self, trace, Sigma, P0=None):
+        """(N, p) deleted residual of the newest output over what it should be."""
+        twin, s = self.twin, self.stretches(trace)
+        before = np.concatenate([[self.P0 if P0 is None else P0], Sigma])
+        ratio = np.zeros(trace.nu.shape)
+        for t in range(1, len(ratio) + 1):
+            m = trace.m[t - 1]
+            last = max(1.0, s[t - 2]) if t > 1 else 1.0
+            D = twin.windows[m].D
+            size = self.of_depth(m).S0 * last + np.diag(D @ before[t - m] @ D.T)
+            ratio[t - 1] = np.abs(trace.nu[t - 1]) / np.sqrt(size)
+        return ratio
+
+
+def joined(A, Q, spread):
+    """Covariance of a sum whose correlation is unknown: A(1 + 1/κ) + Q(1 + κ)."""
+    a, q = np.diag(A) @ spread**-2, np.diag(Q) @ spread**-2
+    kappa = np.sqrt(a / q) if a > 0 and q > 0 else 1.0
+    return A * (1 + 1 / kappa) + Q * (1 + kappa)
+
+
+def longest_run(channel):
+    """Of equal values."""
+    edges = np.flatnonzero(np.r_[True, np.diff(channel) != 0, True])
+    return int(np.diff(edges).max())
