@@ -129,15 +129,20 @@ class Evidence:
         """The reference of the largest calibrated depth at most m."""
         return self.reference[max(d for d in self.reference if d <= m)]
 
+    def added(self, m):
+        """What the stated noise adds to the mean of V, to Q0 and to S0."""
+        n, p, window = self.twin.n, self.twin.p, self.twin.windows[m]
+        if self.noise is None:
+            return 0.0, np.zeros((n, n)), np.zeros(p)
+        R = np.tile(self.noise, m)
+        deleted = window.loo @ (np.eye(n + m * p) - window.H)[-p:, n:]
+        V = float(window.share[n:] @ R)
+        return V, (window.Gamma * R) @ window.Gamma.T, deleted**2 @ R
+
     def sizes(self, m):
         """V0 and Q0 of depth m with the stated noise."""
-        found = self.of_depth(m)
-        if self.noise is None:
-            return found.V0, found.Q0
-        window = self.twin.windows[m]
-        R = np.tile(self.noise, m)
-        V = float(window.share[self.twin.n :] @ R)
-        return found.V0 + V, found.Q0 + (window.Gamma * R) @ window.Gamma.T
+        V, Q, _ = self.added(m)
+        return self.of_depth(m).V0 + V, self.of_depth(m).Q0 + Q
 
     def stretches(self, trace):
         """s (N,): by V, and by how far the estimate has left the recorded states."""
@@ -155,15 +160,29 @@ class Evidence:
         Sigma[0] = self.P0 if P0 is None else P0
         for t in range(1, len(Sigma)):
             m = trace.m[t - 1]
-            Phi = twin.windows[m].Phi
-            A, Q = Phi @ Sigma[t - m] @ Phi.T, s[t - 1] * self.sizes(m)[1]
+            window = twin.windows[m]
+            A, Q = window.Phi @ Sigma[t - m] @ window.Phi.T, s[t - 1] * self.sizes(m)[1]
+            if self.exact and self.noise is None:
+                Q = Q + self.shown(trace, t) * window.Gamma @ window.Gamma.T
             Sigma[t] = A + Q if self.exact else joined(A, Q, twin.spread)
         return Sigma[1:]
 
+    def shown(self, trace, t):
+        """Variance of the outputs' noise, scaled, that the last M minima show."""
+        twin = self.twin
+        last = slice(max(t - twin.M, 0), t)
+        per_unit = sum(float(twin.windows[m].share[twin.n :].sum()) for m in trace.m[last])
+        return float(trace.V[last].sum()) / per_unit
+
+    def limits(self, m):
+        """V and J beyond which a step of depth m is one that nothing held out was like."""
+        noise = self.added(m)[0] * (1 + 3 * np.sqrt(2 / (m * self.twin.p)))
+        return 3 * (self.of_depth(m).Vmax + noise), 3 * (self.of_depth(m).Jmax + noise)
+
     def beyond(self, trace):
-        """(N,) whether V or J is beyond three times all that was held out."""
-        V, J = np.array([[self.of_depth(m).Vmax, self.of_depth(m).Jmax] for m in trace.m]).T
-        return (trace.V > 3 * V) | (trace.J > 3 * J)
+        """(N,) whether V or J is."""
+        V, J = np.array([self.limits(m) for m in trace.m]).T
+        return (trace.V > V) | (trace.J > J)
 
     def novel(self, trace):
         """(N,) whether some step in the last M was beyond."""
@@ -188,18 +207,9 @@ class Evidence:
             run[t] = np.where(Y[t] == Y[t - 1], run[t - 1] + 1, 1)
         return run >= limit
 
-    def gate_ratio(self, trace, Sigma, P0=None):
-        """(N, p) deleted residual of the newest output over what it should be."""
-        twin, s = self.twin, self.stretches(trace)
-        before = np.concatenate([[self.P0 if P0 is None else P0], Sigma])
-        ratio = np.zeros(trace.nu.shape)
-        for t in range(1, len(ratio) + 1):
-            m = trace.m[t - 1]
-            last = max(1.0, s[t - 2]) if t > 1 else 1.0
-            D = twin.windows[m].D
-            size = self.of_depth(m).S0 * last + np.diag(D @ before[t - m] @ D.T)
-            ratio[t - 1] = np.abs(trace.nu[t - 1]) / np.sqrt(size)
-        return ratio
+    def innovation_std(self, m):
+        """√S0 of depth m (p), with the stated noise."""
+        return np.sqrt(self.of_depth(m).S0 + self.added(m)[2])
 
 
 def joined(A, Q, spread):

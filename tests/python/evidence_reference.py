@@ -142,6 +142,7 @@ class Window:
         seen = np.r_[0:n, nx : nx + m * p]
         age = np.repeat(np.arange(m - 1, -1, -1.0), p)
         self.w = np.r_[np.full(n, 2 * rho**m), mu * rho**age]
+        self.W = np.diag(self.w)
         root = np.sqrt(self.w)
         self.B = V.T * (S / np.sqrt(self.N))
         F = self.B[seen] * root[:, None]
@@ -174,6 +175,33 @@ class Window:
         """(n + m p): what a unit of variance on each entry of [x̄; y] adds to the mean of V."""
         left = np.eye(len(self.w)) - self.H
         return (self.w[:, None] * left**2).sum(axis=0) + self.lam * (self.K**2).sum(axis=0)
+
+
+class Opening(Window):
+    """The problem of depth m of a run from an unknown state: x̂(0) - mean weighs unit/10 Σ_x⁻¹, at
+    every depth; a fitted noise of its own deviation costs `unit` = μ σ_v²."""
+
+    def __init__(self, window, Sigma_x, unit):
+        """From the window of the same depth that starts from a state."""
+        self.__dict__.update(window.__dict__)
+        n = self.n
+        own = np.linalg.inv(np.linalg.cholesky(Sigma_x)) * np.sqrt(unit / 10)
+        W = scipy.linalg.block_diag(own, np.diag(np.sqrt(window.w[n:])))
+        F = W @ self.B_seen
+        if self.lam > 0:
+            self.K = np.linalg.solve(F.T @ F + self.lam * np.eye(self.rank), F.T @ W)
+        else:
+            self.K = np.linalg.lstsq(F, W, rcond=1e-13)[0]
+        self.W, self.H = W.T @ W, self.B_seen @ self.K
+        self.loo = np.linalg.inv(np.eye(self.p) - self.H[-self.p :, -self.p :])
+        self.innovation_std = np.sqrt(unit * np.diag(self.loo) / window.w[-1])
+        normal = F.T @ F + self.lam * np.eye(self.rank)
+        self.covariance = unit * np.linalg.pinv(normal, rcond=1e-15, hermitian=True)
+
+    def posterior(self, k):
+        """Covariance (n, n) of x̂(k) in the window, if the problem is right."""
+        B = self.B[k * self.n : (k + 1) * self.n]
+        return B @ self.covariance @ B.T
 
 
 def depths(M):
@@ -223,6 +251,20 @@ class Twin:
         x, y = self._reach
         rounding = 8 * np.sqrt(m * (x + y) + x)
         return Window(parts, m, self.rho, self.mu, self.lam, rounding)
+
+    @cached_property
+    def Sigma_x(self):
+        """Covariance of the recorded states (n, n)."""
+        S = np.cov(np.vstack([x for x, _ in self.parts]).T, bias=True).reshape(self.n, self.n)
+        return S + 1e-9 * np.trace(S) / self.n * np.eye(self.n)
+
+    @cached_property
+    def openings(self):
+        """The growing windows of a run from an unknown state, by depth."""
+        deviation = np.vstack([y for _, y in self.parts]).std(axis=0)
+        left = np.maximum(one_step(self.parts)[self.n :], (1e-4 * deviation) ** 2)
+        unit = self.mu * left.mean()
+        return {m: Opening(window, self.Sigma_x, unit) for m, window in self.windows.items()}
 
     def run(self, Y, x_prior):
         """From a state, through the growing windows; in scaled units but for Y and x_prior."""
