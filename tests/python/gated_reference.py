@@ -107,7 +107,7 @@ class Gated:
         kept[-1] = False
         nu = deleted(window, f, n + np.flatnonzero(~kept.ravel()))[-p:]
         size = self.evidence.innovation_std(m)
-        if isinstance(window, Opening):  # most of it is what the prior does not say
+        if isinstance(window, Opening) and not run.restarts:  # its prior knows nothing
             size = np.maximum(size, window.innovation_std)
         r = np.abs(nu) / (np.sqrt(run.c2) * size)
         run.c2 = max(1.0, run.c2 + (np.minimum(r**2, 9).mean() - 1) * run.c2 / M)
