@@ -39,6 +39,8 @@ class Held:
     V: np.ndarray
     J: np.ndarray
     nu: np.ndarray
+    stretches: list
+    """e of each fold on its own."""
 
 
 def held_out(twin, depth):
@@ -53,7 +55,8 @@ def held_out(twin, depth):
         outputs = np.array([y[k - m : k].ravel() for k in at])
         x_hat, J, L, nu = window.solve(x[at - m], outputs)
         found.append((x_hat - x[at], J + twin.lam * L, J, nu))
-    return Held(*(np.concatenate(part) for part in zip(*found, strict=True)))
+    stretches = [errors for errors, *_ in found]
+    return Held(*(np.concatenate(part) for part in zip(*found, strict=True)), stretches)
 
 
 def stretch(v):
@@ -104,6 +107,50 @@ def farthest(twin):
     return max(own, *held)
 
 
+def growth(twin):
+    """g: held-out errors of the last third of a stretch over those of its first; 1 for several
+    recordings and for what is white and straight, 3 at least where noise hides it."""
+    white, curved = one_step_tests(twin.parts)
+    if len(twin.parts) > 1 or (white <= 0.3 and curved <= 5):
+        return 1.0
+    first, last = [], []
+    for errors in held_out(twin, twin.M).stretches:
+        third = len(errors) // 3
+        first.append(errors[:third])
+        last.append(errors[2 * third :])
+    size = [np.mean((np.vstack(e) ** 2).mean(axis=0) / twin.spread**2) for e in (first, last)]
+    g = float(np.sqrt(size[1] / size[0]))
+    return max(g, 3.0) if white <= 0.3 else g
+
+
+def one_step_tests(parts):
+    """Of what an affine step leaves: the largest lag-1 autocorrelation, and the largest score of
+    the F test that products of two states explain nothing (Wilson and Hilferty 1931)."""
+    X = np.vstack([x[:-1] for x, _ in parts])
+    Z = np.vstack([np.hstack([x[1:], y]) for x, y in parts])
+    X, Z = (X - X.mean(axis=0)) / X.std(axis=0), Z - Z.mean(axis=0)
+    left = Z - X @ np.linalg.lstsq(X, Z, rcond=None)[0]
+    told = (left**2).mean(axis=0) > 1e-24 * (Z**2).mean(axis=0)
+    if not told.any():
+        return 0.0, -np.inf
+    left = left[:, told]
+    ends = np.cumsum([len(y) for _, y in parts])[:-1]
+    pairs = np.setdiff1d(np.arange(1, len(left)), ends)
+    lag = (left[pairs] * left[pairs - 1]).sum(axis=0) / (left**2).sum(axis=0)
+    n = X.shape[1]
+    P = np.column_stack([X[:, i] * X[:, j] for i in range(n) for j in range(i + 1)])
+    P = P - P.mean(axis=0)
+    P = P - X @ np.linalg.lstsq(X, P, rcond=None)[0]
+    q, d = P.shape[1], len(X) - (n + 1 + P.shape[1])
+    if d < 1:
+        return float(lag.max()), -np.inf
+    explained = ((P @ np.linalg.lstsq(P, left, rcond=None)[0]) ** 2).sum(axis=0)
+    rest = np.maximum((left**2).sum(axis=0) - explained, 1e-16 * (left**2).sum(axis=0))
+    F, a, b = np.cbrt((explained / q) / (rest / d)), 2 / (9 * q), 2 / (9 * d)
+    score = ((1 - b) * F - (1 - a)) / np.sqrt(b * F**2 + a)
+    return float(lag.max()), float(score.max())
+
+
 class Evidence:
     """What the estimates of a twin say about themselves."""
 
@@ -117,6 +164,7 @@ class Evidence:
         self.reference = {d: calibrated(held, self.exact) for d, held in self.held.items()}
         self.P0 = np.diag(np.minimum(twin.noise_x, one_step(twin.parts)[: twin.n]))
         self.farthest = farthest(twin)
+        self.growth = growth(twin)
         self.noise = None if output_noise is None else (output_noise / twin.scales.s_y) ** 2
         self.longest = np.max([[longest_run(c) for c in y.T] for _, y in twin.parts], axis=0)
 
@@ -144,14 +192,25 @@ class Evidence:
         V, Q, _ = self.added(m)
         return self.of_depth(m).V0 + V, self.of_depth(m).Q0 + Q
 
-    def stretches(self, trace):
-        """s (N,): by V, and by how far the estimate has left the recorded states."""
+    def stretches(self, trace, goes_on=True):
+        """s (N,); `goes_on`: the log goes on from the recording's end."""
         if self.exact:
             return np.ones(len(trace.V))
         v = trace.V / np.array([self.sizes(m)[0] for m in trace.m])
-        s = stretch(v) if self.noise is None else np.maximum(stretch(v), 1)
-        u = mahalanobis(self.twin.parts, trace.x) / self.farthest
-        return np.maximum(s, np.where(u > 1, u**2, 0))
+        since = np.arange(1, len(v) + 1) if goes_on else np.full(len(v), self.twin.T)
+        return np.array([self.stretched(*step) for step in zip(v, trace.x, since, strict=True)])
+
+    def stretched(self, v, x, since):
+        """s of a step with v = V/V0 that makes the estimate x, `since` samples after the
+        recording's end: by V, by how far the motion may have changed unseen, by how far the
+        estimate has left the recorded states."""
+        twin = self.twin
+        s = float(stretch(v)) if self.noise is None else max(float(stretch(v)), 1.0)
+        if self.growth > 1.5:
+            power = 2 * np.log(self.growth) / np.log(5)
+            s = max(s, v * max(1.0, min(since, twin.T) / (0.1 * twin.T)) ** power)
+        u = mahalanobis(twin.parts, x[None])[0] / (0.7 * self.farthest)
+        return max(s, u**2 if u > 1 else 0.0)
 
     def covariance(self, trace, P0=None):
         """Σ(t) (N, n, n)."""

@@ -233,6 +233,7 @@ class Twin:
         self.scales = Scales.of(history, est)
         self.parts = self.scales.scaled(history.recordings)
         self.n, self.p, self.M = history.n, history.p, est.horizon
+        self.last = history.recordings[-1][0][-1]  # where a log that goes on begins
         self.rho, self.mu, self.lam = est.rho, est.mu, est.ridge
         X, Y = (np.vstack([part[i] for part in self.parts]) for i in (0, 1))
         self.spread, self.T = X.std(axis=0), sum(len(y) for _, y in self.parts)

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from evidence_of_spaces import Evidence, joined, mahalanobis, stretch
+from evidence_of_spaces import Evidence, joined
 from evidence_reference import Opening
 
 GATE = 4.0
@@ -43,6 +43,7 @@ class Gated:
         """A Run over Y (N, p), in the user's units; estimates are scaled."""
         twin, scales = self.twin, self.twin.scales
         self.y = (np.asarray(Y) - scales.mean_y) / scales.s_y
+        self.goes_on = x_prior is not None and np.array_equal(x_prior, twin.last)
         if x_prior is None:
             run = Run([np.zeros(twin.n)], [10 * twin.Sigma_x], growing=True)
         else:
@@ -82,7 +83,8 @@ class Gated:
         left = f - window.B_seen @ a
         V = (left @ window.W @ left + window.lam * a @ a) * m * p / max(m * p - len(out), 1)
         x = window.c_x + window.B_x @ a
-        Q = self.stretched(m, V, x) * self.evidence.sizes(m)[1]
+        V0, Q0 = self.evidence.sizes(m)
+        Q = self.evidence.stretched(V / V0, x, self.since(run, t)) * Q0
         run.V.append(V)
         run.x.append(x)
         if Sigma is not None:
@@ -94,10 +96,9 @@ class Gated:
         run.smoothed = list(zip(states, told, strict=True))
         run.Sigma.append(told[-1])
 
-    def stretched(self, m, V, x):
-        """s."""
-        u = mahalanobis(self.twin.parts, x[None])[0] / self.evidence.farthest
-        return max(float(stretch(V / self.evidence.sizes(m)[0])), u**2 if u > 1 else 0.0)
+    def since(self, run, t):
+        """Samples since the recording's end; its length for a run that did not begin there."""
+        return t if self.goes_on and not run.restarts else self.twin.T
 
     def doubt(self, run, t, window, prior):
         """Rejects what is far from what all others say; whether that made the run start again."""
