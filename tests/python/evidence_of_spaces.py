@@ -254,8 +254,10 @@ class Evidence:
         return (np.sqrt(np.diagonal(Sigma, axis1=1, axis2=2)) > limit).any(axis=1)
 
     def outside(self, trace):
-        """(N,) whether the estimate is a quarter outside of the recorded states."""
-        return mahalanobis(self.twin.parts, trace.x) > 1.5 * self.farthest
+        """(N,) whether a state has left its recorded range by more than a quarter of it."""
+        lo, hi = self.twin.lo[: self.twin.n], self.twin.hi[: self.twin.n]
+        margin = 0.25 * (hi - lo)
+        return ((trace.x < lo - margin) | (trace.x > hi + margin)).any(axis=1)
 
     def stuck(self, Y):
         """(N, p) whether an output has had its value for max(10, three of the longest recorded
