@@ -143,8 +143,8 @@ impl Design {
         if let Some(mut evidence) = self.evidence.clone() {
             let setup = Setup { weights: &weights, ..self.setup() };
             evidence.open(&self.history, setup, self.settings.horizon)?;
-            let of = (&self.scaling, self.driving.as_ref());
-            drafts.iter_mut().for_each(|draft| draft.measured_by((&evidence, true), of));
+            let scaling = &self.scaling;
+            drafts.iter_mut().for_each(|draft| draft.measured_by((&evidence, true), scaling));
         }
         let problems = Draft::all_on(drafts, &self.ground);
         let _ = self.opening.set(Opening { problems, weights }); // a copy may have been faster
@@ -420,7 +420,7 @@ impl Source<'_> {
             evidence.open(history, Setup { weights, ..setup }, horizon)?;
         }
         for (number, draft) in drafts.iter_mut().enumerate() {
-            draft.measured_by((&evidence, number >= count), (scaling, driving));
+            draft.measured_by((&evidence, number >= count), scaling);
         }
         Ok(Some(evidence))
     }

@@ -38,6 +38,8 @@ pub(crate) struct Driving {
     whitening: Mat<f64>,
     /// Variances of the outputs' noise (p).
     pub R: Vec<f64>,
+    /// Covariance of the noise on the recorded states (n × n), as far as it is known.
+    pub N: Mat<f64>,
     block: usize,
     /// P, the error covariance that a Kalman filter settles to (n × n): with the weights of the
     /// recording.
@@ -67,6 +69,11 @@ impl Driving {
         let mut driving = Driving::of(scaling, model, noise, 1)?;
         driving.settle(scaling)?;
         Ok(driving)
+    }
+
+    /// With what is known of the noise on the recorded states.
+    pub fn with_readings(self, N: Mat<f64>) -> Self {
+        Driving { N, ..self }
     }
 
     /// The covariance that a Kalman filter settles to.
@@ -120,7 +127,8 @@ impl Driving {
             Some(&k) => V[(j, k)] / values[k].sqrt(),
             None => 0.0,
         });
-        Ok(Driving { model, Q, root, whitening, R, block, stationary: None })
+        let N = Mat::zeros(n, n);
+        Ok(Driving { model, Q, root, whitening, R, N, block, stationary: None })
     }
 
     /// G, rows in time (d × q⌈m/b⌉).

@@ -12,15 +12,17 @@
 //! *Stated noise* beyond the recording's, of covariance R, adds Γ (I ⊗ R) Γᵀ to Q₀ with Γ: y → x̂(t),
 //! and its mean to V₀. An exact recording shows no noise: with stated noise Q₀ and V₀ are these alone.
 //!
-//! *The weights of the recording*: V is Σ‖ν‖² of the innovations of a Kalman filter, a χ² of m p
-//! degrees.
+//! *The weights of the recording* need no windows that are held out: see [`model`].
 
+pub(crate) mod model;
 pub(crate) mod replay;
 
 use crate::config::Config;
+use crate::covariance::inverse_factor;
 use crate::driving::Driving;
 use crate::error::Error;
 use crate::history::History;
+use crate::recorded_default::bends;
 use crate::reduction::Reduced;
 use crate::scaling::{EXACT, Scaling};
 use crate::variation::fifth_differences;
@@ -29,7 +31,8 @@ use ddmhe_run::evidence::Rule;
 use ddmhe_run::evidence::formulas::inflation;
 use ddmhe_run::layout::Layout;
 use faer::Mat;
-use replay::{Replayed, Setup, deleted, replay};
+use model::ModelNumbers;
+use replay::{Replayed, Setup, deleted, folds, replay};
 
 /// A window is novel above so many times the largest V of held-out windows.
 const NOVEL: f64 = 3.0;
@@ -39,6 +42,10 @@ const SPREAD: f64 = 0.5;
 const PROMISE: f64 = 3.0;
 /// Share of held-out errors within three deviations.
 const COVERED: f64 = 0.997;
+/// Of the largest distance of recorded states, from where on leaving them counts.
+const FAR: f64 = 0.7;
+/// Held-out errors grow where those of the last third of a stretch are so many times the first's.
+const GROWS: f64 = 1.5;
 /// An output is stuck after so many equal values, or so many times the longest run recorded.
 const PATIENCE: (f64, f64) = (10.0, 3.0);
 /// Of its range, how far a channel may leave it.
@@ -68,8 +75,11 @@ pub(crate) struct Calibration {
     /// Root-mean-square error of held-out windows of the horizon (n), in the user's units; NaN where
     /// nothing could be held out.
     pub promise: Vec<f64>,
-    /// Variance of the reading noise of the states, in the user's units (n).
+    /// Variance of the reading noise of the states, in the user's units (n): by fifth differences, or
+    /// what an affine step leaves, whichever is less.
     pub start: Vec<f64>,
+    away: Mat<f64>,   // Σ_x⁻¹ / (.7 D_most) (n × n), scaled
+    growth: [f64; 3], // 2q, .1 T and T
 }
 
 impl Calibration {
@@ -84,14 +94,15 @@ impl Calibration {
             return Ok(None);
         }
         let (scaling, n) = (setup.scaling, history.n());
-        let exact = scaling.misfit(&scaling.one_step).into_iter().fold(0.0, f64::max) < EXACT;
+        let exact = is_exact(scaling);
         let recorded = setup.driving.is_some_and(|driving| driving.stationary.is_some());
         let stated = config.output_noise.is_some();
         let rule = match (recorded, exact, stated) {
             (true, ..) => Rule::Filter,
             (false, true, true) => Rule::Stated,
             (false, true, false) => Rule::Exact,
-            (false, false, _) => Rule::Curved,
+            (false, false, true) => Rule::Louder,
+            (false, false, false) => Rule::Curved,
         };
         let replayed = replay(history, setup, horizon)?;
         let references = replayed.iter().map(|(depth, of)| Reference::new(rule, *depth, of));
@@ -100,8 +111,14 @@ impl Calibration {
             Some((_, of)) => of.rms().iter().zip(&scaling.s_x).map(|(e, s)| e * s).collect(),
             None => vec![f64::NAN; n],
         };
-        let start = (0..n).map(|i| fifth_differences(history, History::states, (i, n))).collect();
-        Ok(Some(Calibration { rule, references, opening: Vec::new(), promise, start }))
+        let reading = |i: usize| {
+            fifth_differences(history, History::states, (i, n)).min(scaling.one_step[i][0])
+        };
+        let start = (0..n).map(reading).collect();
+        let away = away(history, scaling);
+        let growth = growth(history, scaling, rule, replayed.last().map(|(_, of)| of));
+        let opening = Vec::new();
+        Ok(Some(Calibration { rule, references, opening, promise, start, away, growth }))
     }
 
     /// With what the first windows of a run from an unknown state are measured by.
@@ -139,6 +156,77 @@ impl Reference {
     }
 }
 
+/// Σ_x⁻¹ / (.7 D_most) in scaled units: how far a state has left the recorded ones.
+fn away(history: &History, scaling: &Scaling) -> Mat<f64> {
+    let n = history.n();
+    let all = 0..history.recordings();
+    let own = Cloud::new(all.clone().flat_map(|i| history.states(i).chunks_exact(n)), scaling);
+    let recorded = all.flat_map(|i| history.states(i).chunks_exact(n));
+    let most = recorded.map(|x| own.distance(x, scaling)).fold(0.0, f64::max);
+    let held = folds(history).iter().map(|fold| fold.farthest(scaling)).fold(0.0, f64::max);
+    let most = (FAR * most.max(held)).max(f64::MIN_POSITIVE);
+    own.inverse * faer::Scale(1.0 / most)
+}
+
+/// States by their mean and covariance, in scaled units.
+pub(crate) struct Cloud {
+    mean: Vec<f64>,
+    inverse: Mat<f64>,
+}
+
+impl Cloud {
+    /// Of states in the user's units.
+    pub fn new<'a>(states: impl Iterator<Item = &'a [f64]>, scaling: &Scaling) -> Self {
+        let scaled: Vec<Vec<f64>> = states.map(|x| scaling.deviations(x, &[]).collect()).collect();
+        let (n, count) = (scaling.s_x.len(), scaled.len() as f64);
+        let mean: Vec<f64> =
+            (0..n).map(|i| scaled.iter().map(|x| x[i]).sum::<f64>() / count).collect();
+        let moment = |i: usize, j: usize| {
+            scaled.iter().map(|x| (x[i] - mean[i]) * (x[j] - mean[j])).sum::<f64>() / count
+        };
+        let mut S = Mat::from_fn(n, n, moment);
+        let trace = S.diagonal().column_vector().iter().sum::<f64>();
+        let floor = LEAST_SPREAD * trace / n as f64;
+        (0..n).for_each(|i| S[(i, i)] += floor.max(f64::MIN_POSITIVE.sqrt()));
+        let inverse = match inverse_factor(&S) {
+            Some(U) => U.transpose() * &U,
+            None => Mat::zeros(n, n),
+        };
+        Cloud { mean, inverse }
+    }
+
+    /// D of a state in the user's units.
+    pub fn distance(&self, x: &[f64], scaling: &Scaling) -> f64 {
+        let d: Vec<f64> =
+            scaling.deviations(x, &[]).zip(&self.mean).map(|(x, mean)| x - mean).collect();
+        let row =
+            |i: usize| d.iter().enumerate().map(|(j, d)| self.inverse[(i, j)] * d).sum::<f64>();
+        d.iter().enumerate().map(|(i, d)| d * row(i)).sum()
+    }
+}
+
+/// Added to a covariance of states, in units of the mean of its diagonal.
+const LEAST_SPREAD: f64 = 1e-9;
+
+/// How held-out errors grow with the time since what they were made from: 2q, .1 T and T, q = 0 where
+/// they do not. Thirds of a stretch of .2 T lie at 1 : 5, so g = 5^q.
+fn growth(
+    history: &History,
+    scaling: &Scaling,
+    rule: Rule,
+    deepest: Option<&Replayed>,
+) -> [f64; 3] {
+    let T = history.T() as f64;
+    let spread: Vec<f64> = scaling.unit_x.iter().zip(&scaling.s_x).map(|(u, s)| u / s).collect();
+    let g = match deepest {
+        Some(of) if rule.is_curved() && history.recordings() == 1 => of.growth(&spread),
+        _ => 1.0,
+    };
+    let power =
+        if g > GROWS && bends(history, scaling) { 2.0 * g.ln() / 5.0_f64.ln() } else { 0.0 };
+    [power, 0.1 * T, T]
+}
+
 /// C (Σ e eᵀ) C / Σ s, of vectors e and their s: three deviations cover [`COVERED`] of each entry.
 fn covering(vectors: &[Vec<f64>], s: &[f64]) -> Mat<f64> {
     let n = vectors.first().map_or(0, Vec::len);
@@ -165,6 +253,28 @@ fn quantile(values: &mut [f64], share: f64) -> f64 {
 }
 
 impl Replayed {
+    /// Root-mean-square error of the last thirds of all held-out stretches over that of the first.
+    fn growth(&self, spread: &[f64]) -> f64 {
+        let (mut first, mut last) = ((0.0, 0), (0.0, 0));
+        let mut from = 0;
+        for to in &self.stretches {
+            let third = (to - from) / 3;
+            let size = |e: &[Vec<f64>]| -> f64 {
+                let of = |e: &Vec<f64>| -> f64 {
+                    e.iter().zip(spread).map(|(e, s)| (e / s).powi(2)).sum()
+                };
+                e.iter().map(of).sum()
+            };
+            first = (first.0 + size(&self.errors[from..from + third]), first.1 + third);
+            let (end, rest) = (from + 2 * third, to - from - 2 * third);
+            last = (last.0 + size(&self.errors[end..*to]), last.1 + rest);
+            from = *to;
+        }
+        let mean = |(sum, count): (f64, usize)| sum / count.max(1) as f64;
+        let ratio = (mean(last) / mean(first)).sqrt();
+        if ratio.is_finite() { ratio } else { 1.0 }
+    }
+
     /// Root-mean-square error, state by state.
     fn rms(&self) -> Vec<f64> {
         let n = self.errors.first().map_or(0, Vec::len);
@@ -266,13 +376,21 @@ pub(crate) struct DepthNumbers {
     pub innovation: Vec<f64>,
 }
 
+impl DepthNumbers {
+    /// None, for a rule that asks for none.
+    fn none(most: f64) -> Self {
+        let [carry, error, deleted, of_prior, innovation] = std::array::from_fn(|_| Vec::new());
+        DepthNumbers { levels: [1.0, most, most], carry, error, deleted, of_prior, innovation }
+    }
+}
+
 impl Calibration {
     /// Of one depth; `opening`: of a run from an unknown state, whose x̄ is no estimate.
     pub fn of_depth(
         &self,
         (layout, opening): (Layout, bool),
         maps: &Maps,
-        (scaling, driving): (&Scaling, Option<&Driving>),
+        scaling: &Scaling,
     ) -> DepthNumbers {
         let (n, p) = (layout.n, layout.p);
         let (s_x, s_y) = (&scaling.s_x, &scaling.s_y);
@@ -283,18 +401,8 @@ impl Calibration {
         };
         let Maps { carry, deleted, of_prior, noise } = maps;
         let kept = |M: &Mat<f64>| if opening { Mat::zeros(M.nrows(), n) } else { M.clone() };
-        if self.rule == Rule::Filter
-            && let Some(driving) = driving
-        {
-            let degrees = (layout.depth * p) as f64;
-            return DepthNumbers {
-                levels: [degrees, rare(degrees, degrees), f64::INFINITY],
-                carry: vec![0.0; n * n],
-                error: vec![0.0; n * n],
-                deleted: vec![0.0; p * p],
-                of_prior: entries(&driving.model.C, &|i, j| s_y[i] / s_x[j]),
-                innovation: driving.R.iter().zip(s_y).map(|(R, s)| R * s * s).collect(),
-            };
+        if self.rule == Rule::Filter {
+            return DepthNumbers::none(f64::INFINITY);
         }
         let none = Reference {
             depth: 1,
@@ -307,8 +415,13 @@ impl Calibration {
         let innovation = of.innovation.iter().zip(&noise.innovation).map(|(own, more)| own + more);
         let [V_0, V_most, J_most] = of.levels;
         let more = noise.rare();
+        let levels = match self.rule {
+            // of noise of one unit: the run itself says how much there is
+            Rule::Exact => [noise.V[0], more, f64::INFINITY],
+            _ => [V_0 + noise.V[0], V_most + more, J_most + more],
+        };
         DepthNumbers {
-            levels: [V_0 + noise.V[0], V_most + more, J_most + more],
+            levels,
             carry: entries(&kept(carry), &|i, j| s_x[i] / s_x[j]),
             error: entries(&error, &|i, j| s_x[i] * s_x[j]),
             deleted: entries(deleted, &|i, j| s_y[i] / s_y[j]),
@@ -352,6 +465,9 @@ impl Calibration {
         let patience = |i: usize| PATIENCE.0.max(PATIENCE.1 * longest_run(history, i) as f64);
         PlanNumbers {
             start: (0..n * n).map(|k| start(k / n, k % n)).collect(),
+            away: (0..n * n)
+                .map(|k| self.away[(k / n, k % n)] / (scaling.s_x[k / n] * scaling.s_x[k % n]))
+                .collect(),
             per_spread: spread.iter().map(|s| 1.0 / (s * s)).collect(),
             uncertain: (0..n).map(uncertain).collect(),
             x_range: [
@@ -361,6 +477,10 @@ impl Calibration {
             u_range: [u.iter().map(|(lo, _)| *lo).collect(), u.iter().map(|(_, hi)| *hi).collect()],
             patience: (0..p).map(patience).collect(),
             drift: config.drift.clone().unwrap_or_default(),
+            growth: self.growth.into_iter().chain([f64::from(config.x_prior.is_some())]).collect(),
+            model: driving
+                .filter(|_| self.rule == Rule::Filter)
+                .and_then(|driving| ModelNumbers::new(history, scaling, driving)),
         }
     }
 }
@@ -372,11 +492,14 @@ const ROUNDING: f64 = 1e-9;
 pub(crate) struct PlanNumbers {
     pub start: Vec<f64>,
     pub per_spread: Vec<f64>,
+    pub away: Vec<f64>,
     pub uncertain: Vec<f64>,
     pub x_range: [Vec<f64>; 2],
     pub u_range: [Vec<f64>; 2],
     pub patience: Vec<f64>,
     pub drift: Vec<f64>,
+    pub growth: Vec<f64>,
+    pub model: Option<ModelNumbers>, // with the weights of the recording
 }
 
 /// The longest run of equal values of an output.
@@ -389,10 +512,18 @@ fn longest_run(history: &History, i: usize) -> usize {
     (0..history.recordings()).map(of).max().unwrap_or(0)
 }
 
+/// Whether an affine step explains the recording but for rounding.
+fn is_exact(scaling: &Scaling) -> bool {
+    scaling.misfit(&scaling.one_step).into_iter().fold(0.0, f64::max) < EXACT
+}
+
 /// Variances of stated noise beyond what the recording has, in scaled units (p); none stated: zeros.
 pub(crate) fn stated_beyond(config: &Config, scaling: &Scaling) -> Vec<f64> {
     let p = scaling.s_y.len();
-    let Some(stated) = &config.output_noise else { return vec![0.0; p] };
+    let Some(stated) = &config.output_noise else {
+        // of an exact recording one unit, to measure a run by
+        return vec![f64::from(u8::from(is_exact(scaling))); p];
+    };
     let beyond = |i: usize| {
         let stated = stated[i % stated.len()];
         (stated * stated - scaling.noise_y[i]).max(0.0) / (scaling.s_y[i] * scaling.s_y[i])

@@ -4,6 +4,7 @@
 use crate::config::Bounds;
 use crate::driving::Driving;
 use crate::error::Error;
+use crate::evidence::model::ModelNumbers;
 use crate::evidence::{Calibration, Maps, PlanNumbers};
 use crate::first_window::Samples;
 use crate::reduction::{Reduced, reduce};
@@ -15,6 +16,7 @@ use crate::surplus::Surplus;
 use crate::tol;
 use crate::weights::Weights;
 use ddmhe_run::active_set::{ActiveBound, RowsMut};
+use ddmhe_run::evidence::ModelSpans;
 use ddmhe_run::layout::Layout;
 use ddmhe_run::panels::write_panels;
 use ddmhe_run::plan::{Common, Depth, Kind, Margin, Shared, Sizes, Span};
@@ -121,13 +123,9 @@ impl Draft {
     }
 
     /// With what its windows are measured by; `opening`: in a run from an unknown state.
-    pub fn measured_by(
-        &mut self,
-        (evidence, opening): (&Calibration, bool),
-        of: (&Scaling, Option<&Driving>),
-    ) {
+    pub fn measured_by(&mut self, (evidence, opening): (&Calibration, bool), scaling: &Scaling) {
         let Some(maps) = self.maps.take() else { return };
-        let numbers = evidence.of_depth((self.depth.layout, opening), &maps, of);
+        let numbers = evidence.of_depth((self.depth.layout, opening), &maps, scaling);
         let spans = self.depth.evidence;
         self.block.write(spans.levels, numbers.levels);
         self.block.write(spans.carry, numbers.carry);
@@ -270,9 +268,6 @@ fn write_filter(common: &Common, driving: &Driving, filter: &Filter, block: &mut
     ] {
         write_panels(M.shape(), |i, j| M[(i, j)], span.of_mut(block.numbers_mut()));
     }
-    let rows = |M: &Mat<f64>| {
-        (0..M.nrows() * M.ncols()).map(|k| M[(k / M.ncols(), k % M.ncols())]).collect::<Vec<_>>()
-    };
     for (M, span) in [
         (&model.A, spans.A),
         (&model.B, spans.B),
@@ -282,12 +277,32 @@ fn write_filter(common: &Common, driving: &Driving, filter: &Filter, block: &mut
         (&filter.P, spans.P),
         (&filter.information, spans.information),
     ] {
-        block.write(span, rows(M));
+        block.write(span, by_rows(M));
     }
     block.write(spans.e, model.e.iter().copied());
     block.write(spans.R, driving.R.iter().copied());
     block.write(spans.offset, filter.offset.iter().copied());
     block.write(spans.output_offset, model.r.iter().copied());
+}
+
+/// What the recording leaves open of that filter's model.
+fn write_model(spans: ModelSpans, model: &ModelNumbers, block: &mut Block) {
+    for (M, span) in [
+        (&model.carry, spans.carry),
+        (&model.error, spans.error),
+        (&model.whiten, spans.whiten),
+        (&model.bias, spans.bias),
+    ] {
+        block.write(span, by_rows(M));
+    }
+    block.write(spans.mean, model.mean.iter().copied());
+    block.write(spans.samples, model.samples);
+}
+
+/// The entries of a matrix, row by row.
+fn by_rows(M: &Mat<f64>) -> Vec<f64> {
+    let columns = M.ncols();
+    (0..M.nrows() * columns).map(|k| M[(k / columns, k % columns)]).collect()
 }
 
 /// Which rows of the window move at all: what is left of one that does not is rounding of the
@@ -367,13 +382,18 @@ impl Ground {
             let spans = common.evidence;
             block.write(spans.start, numbers.start);
             block.write(spans.per_spread, numbers.per_spread);
+            block.write(spans.away, numbers.away);
             block.write(spans.uncertain, numbers.uncertain);
             for (range, of) in [(numbers.x_range, spans.x_range), (numbers.u_range, spans.u_range)]
             {
                 range.into_iter().zip(of).for_each(|(values, span)| block.write(span, values));
             }
             block.write(spans.patience, numbers.patience);
+            block.write(spans.growth, numbers.growth);
             block.write(spans.drift, numbers.drift);
+            if let Some(model) = numbers.model {
+                write_model(spans.model, &model, &mut block);
+            }
         }
         Ground { common, block }
     }

@@ -31,7 +31,8 @@ pub(crate) fn driving(
         check_shown(scaling, &config.process_noise)?;
     }
     let mut model = LinearModel::new(history, scaling);
-    let (Q, R) = match wanted {
+    let none = Mat::zeros(history.n(), history.n());
+    let (Q, R, N) = match wanted {
         ProcessNoise::Recorded => {
             let mut noise = RecordedNoise::new(history, scaling, &model);
             let large = noise.share_of_states(history, scaling) > SHARE;
@@ -39,13 +40,14 @@ pub(crate) fn driving(
                 model = model.of_windows(history, scaling);
                 noise = RecordedNoise::new(history, scaling, &model);
             }
-            (noise.Q, noise.R)
+            (noise.Q, noise.R, noise.N)
         }
-        ProcessNoise::Given(Q) => (scaled(Q, &scaling.s_x), diagonal(&model.of_outputs())),
-        _ => (model.of_states(), diagonal(&model.of_outputs())),
+        ProcessNoise::Given(Q) => (scaled(Q, &scaling.s_x), diagonal(&model.of_outputs()), none),
+        _ => (model.of_states(), diagonal(&model.of_outputs()), none),
     };
     if recorded {
-        return Driving::of_recording(scaling, model, (Q, R)).map(Some);
+        let driving = Driving::of_recording(scaling, model, (Q, R))?;
+        return Ok(Some(driving.with_readings(N)));
     }
     Driving::of(scaling, model, (Q, R), (horizon / BLOCKS).max(1)).map(Some)
 }

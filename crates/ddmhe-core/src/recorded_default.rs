@@ -96,7 +96,8 @@ pub(crate) fn recorded(
         ));
     }
     let driving = Driving::of_recording(scaling, model, (noise.Q, noise.R))
-        .map_err(|error| error.to_string())?;
+        .map_err(|error| error.to_string())?
+        .with_readings(noise.N);
     let outputs: Vec<usize> =
         told.iter().filter_map(|channel| channel.checked_sub(history.n())).collect();
     let nis =
@@ -120,6 +121,15 @@ fn telling(scaling: &Scaling, residuals: &Mat<f64>) -> Vec<usize> {
     let rows = residuals.nrows() as f64;
     let noise = |j: &usize| residuals.col(*j).squared_norm_l2() / rows;
     (0..residuals.ncols()).filter(|j| noise(j) > EXACT * spreads[*j].powi(2)).collect()
+}
+
+/// Whether what an affine step leaves of the recording is not white, or products of states explain a
+/// part of it: the motion is not that of a linear system.
+pub(crate) fn bends(history: &History, scaling: &Scaling) -> bool {
+    let model = LinearModel::new(history, scaling);
+    let told = telling(scaling, &model.residuals);
+    lag_one(history, &model.residuals, &told) > LAG
+        || curvature(history, scaling, (&model.residuals, &told)) > CURVED
 }
 
 /// The largest lag-1 autocorrelation of the columns, none across a seam.

@@ -60,6 +60,12 @@ pub(crate) struct Filter {
 }
 
 impl Filter {
+    /// L (n × p): x̂(k+1) takes up L (y - C x̂(k) - …).
+    pub fn gain(&self, p: usize) -> Mat<f64> {
+        let n = self.P.nrows();
+        self.ahead.submatrix(0, n, n, p).to_owned()
+    }
+
     /// None where S cannot be factored.
     pub fn new(model: &LinearModel, (P, Q, R): (&Mat<f64>, &Mat<f64>, &[f64])) -> Option<Self> {
         let LinearModel { A, B, e, C, D, r, .. } = model;

@@ -63,11 +63,13 @@ pub(crate) struct Saved {
 /// Of it, what evidence is made from.
 #[derive(Serialize, Deserialize)]
 struct SavedEvidence {
-    last: Vec<f64>,
-    repeats: Vec<f64>,
+    kept: Vec<f64>,
     covariances: Vec<f64>,
+    scores: Vec<f64>,
     since: usize,
     inflation: f64,
+    steps: f64,
+    samples: f64,
     value: f64,
     limit: f64,
     reasons: u8,
@@ -75,13 +77,15 @@ struct SavedEvidence {
 
 impl SavedEvidence {
     fn of(memory: &Memory<Vec<f64>>) -> Option<Self> {
-        let ([last, repeats, covariances], judged) = memory.saved_evidence()?;
+        let ([kept, covariances, scores], judged) = memory.saved_evidence()?;
         Some(SavedEvidence {
-            last: last.to_vec(),
-            repeats: repeats.to_vec(),
+            kept: kept.to_vec(),
             covariances: covariances.to_vec(),
+            scores: scores.to_vec(),
             since: judged.since,
             inflation: judged.inflation,
+            steps: judged.steps,
+            samples: judged.samples,
             value: judged.value,
             limit: judged.limit,
             reasons: judged.reasons.bits(),
@@ -89,21 +93,21 @@ impl SavedEvidence {
     }
 
     /// Whether it is of so many states.
-    fn fits(&self, [n, p]: [usize; 2], states: usize) -> bool {
-        let whole = |values: &[f64]| values.iter().all(|v| v.is_finite());
-        self.last.len() == p
-            && self.repeats.len() == p
+    fn fits(&self, memory: &Memory<Vec<f64>>, n: usize, states: usize) -> bool {
+        let [kept, steps] = memory.saved_evidence_len();
+        self.kept.len() == kept
             && self.covariances.len() == states * n * n
-            && whole(&self.covariances)
-            && whole(&self.repeats)
+            && self.covariances.iter().all(|v| v.is_finite())
+            && self.scores.len() <= 2 * steps
+            && self.scores.len().is_multiple_of(2)
             && self.inflation >= 0.0
     }
 
     fn resume(&self, memory: &mut Memory<Vec<f64>>) {
-        let SavedEvidence { since, inflation, value, limit, .. } = *self;
+        let SavedEvidence { since, inflation, steps, samples, value, limit, .. } = *self;
         let reasons = Reasons::from_bits(self.reasons);
-        let judged = Judged { since, inflation, value, limit, reasons };
-        memory.resume_evidence([&self.last, &self.repeats, &self.covariances], judged);
+        let judged = Judged { since, inflation, steps, samples, value, limit, reasons };
+        memory.resume_evidence([&self.kept, &self.covariances, &self.scores], judged);
     }
 }
 
@@ -153,7 +157,7 @@ impl Run {
         self.reserve(design);
         let filled = filled(history, self.start, design.settings.horizon);
         let first = first_window((history, scaling), self.start, filled, x_prior);
-        self.refill(design, &first);
+        self.refill(design, &first, x_prior.is_some());
         if let Some(bound) = &mut self.bound {
             bound.restart(filled + 1);
         }
@@ -200,7 +204,7 @@ impl Run {
             && t < usize::MAX / 2
             && estimate.fits(n, p)
             && evidence.is_some() == design.ground.sizes().judged()
-            && evidence.as_ref().is_none_or(|own| own.fits([n, p], samples + 1))
+            && evidence.as_ref().is_none_or(|own| own.fits(&self.memory, n, samples + 1))
             && estimate.evidence.is_some() == evidence.is_some()
             && (estimate.w.is_empty() || design.driving.is_some())
             && (tail.is_empty() || design.ground.sizes().recorded && tail.len() == n * n)
@@ -220,7 +224,7 @@ impl Run {
         check_finite("blob", &tail, n)?;
         design.watch.check(&seen)?;
         doubts.check(&design.history)?;
-        self.refill(design, &window);
+        self.refill(design, &window, false);
         self.memory.resume(design.problem(samples).layout().depth, &active, moves);
         self.memory.resume_filter(&design.ground.shared(), (chain, &tail));
         if let Some(evidence) = evidence {
@@ -252,7 +256,7 @@ impl Run {
 
     /// Another window.
     #[cold]
-    fn refill(&mut self, design: &Design, window: &Samples) {
+    fn refill(&mut self, design: &Design, window: &Samples, elsewhere: bool) {
         self.memory.clear();
         for x in window.states.chunks_exact(design.history.n()) {
             self.memory.push_state(x.iter().copied());
@@ -264,7 +268,7 @@ impl Run {
             self.memory.push_input(u.iter().copied());
         }
         let unknown = self.start == Start::Unknown;
-        self.memory.start_evidence(&design.ground.shared(), unknown);
+        self.memory.start_evidence(&design.ground.shared(), unknown, elsewhere);
     }
 
     /// Whether a step may be a filter's, with nothing but x̂(t) made: see

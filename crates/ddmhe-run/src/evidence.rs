@@ -8,10 +8,18 @@
 //! estimates are off then: Q₀. Over windows that are unlike it, squares of errors follow V/V₀
 //! between its first and second power.
 //!
+//! D(t) = (x̂ - x̄)ᵀ Σ_x⁻¹ (x̂ - x̄), x̄ and Σ_x the mean and covariance of the recorded states, says how
+//! far the estimate has left them; D_most is the largest D of recorded states, and of held-out ones
+//! under what their estimates were made from. What curvature makes of an error goes like the square
+//! of that distance. G is what held-out errors of a curved recording grew by with the time since what
+//! they were made from: see [`formulas::growth`].
+//!
 //! # The covariance
 //! The error of x̂(t) is that of x̄(t-m), carried by the map Φ: x̄ → x̂(t), and what the window adds:
 //!
-//! > A = Φ Σ(t-m) Φᵀ,  Q = s(V/V₀) Q₀,  s(v) = v for v ≤ 1, v^1.5 above
+//! > A = Φ Σ(t-m) Φᵀ,  Q = s Q₀,  s = max(s(v), G v, u² where u > 1)
+//! >
+//! > v = V/V₀,  s(v) = v for v ≤ 1, v^1.5 above,  u = D/(.7 D_most)
 //! >
 //! > Σ(t) = A (1 + 1/κ) + Q (1 + κ),  κ² = tr A / tr Q, each state in units of its recorded spread
 //!
@@ -36,9 +44,11 @@
 //! estimate V shows it.
 
 pub mod formulas;
+pub mod model;
 mod sensitivity;
 pub mod spans;
 
+pub use model::{ModelSpans, OfModel};
 pub(crate) use sensitivity::{Sensitivity, sensitivity_len};
 pub use spans::{DepthSpans, OfDepth, OfPlan, PlanSpans};
 
@@ -50,19 +60,28 @@ pub enum Rule {
     Off,
     /// That of the head of this module.
     Curved,
+    /// The same with stated noise beyond the recording's: s is 1 at least.
+    Louder,
     /// An exact recording, and nothing known of the noise of later outputs: what V shows of it is
-    /// all there is, s(v) = v and Σ = A + Q.
+    /// all there is. V₀ and Q₀ are those of noise of one unit, s is the mean of v over the last M
+    /// steps, forgotten exponentially, and Σ = A + Q.
     Exact,
     /// An exact recording and stated noise: s = 1 as long as V is what that noise explains, and
     /// Σ = A + Q.
     Stated,
-    /// The weights of the recording: Σ is the covariance of the Kalman filter, V = Σ‖ν‖² over the
-    /// window (its NIS).
+    /// The weights of the recording: Σ is the covariance of the Kalman filter and of what the
+    /// recording leaves open of its model, see [`model`], and V = Σ‖ν‖² over the window (its NIS).
     Filter,
 }
 
 impl Rule {
-    const ALL: [Rule; 5] = [Rule::Off, Rule::Curved, Rule::Exact, Rule::Stated, Rule::Filter];
+    const ALL: [Rule; 6] =
+        [Rule::Off, Rule::Curved, Rule::Louder, Rule::Exact, Rule::Stated, Rule::Filter];
+
+    /// Whether it is that of a noisy recording in weights of its own choice.
+    pub fn is_curved(self) -> bool {
+        matches!(self, Rule::Curved | Rule::Louder)
+    }
 
     /// A number for what is saved.
     pub fn code(self) -> u32 {
@@ -127,7 +146,7 @@ pub struct Evidence<'a> {
     pub covariance: &'a [f64],
     /// Why the estimate is not trusted; empty: it is.
     pub reasons: Reasons,
-    /// V(t) in units of V₀; with the weights of the recording, the mean of ‖ν‖²/p over the window.
+    /// V(t) in units of V₀; with the weights of the recording, the mean of νᵀS⁻¹ν/p over the window.
     pub value: f64,
     /// What `value` is novel above.
     pub limit: f64,

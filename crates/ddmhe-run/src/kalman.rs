@@ -100,7 +100,7 @@ pub(crate) struct Model<'a> {
     D: &'a [f64],
     r: &'a [f64],
     Q: &'a [f64],
-    R: &'a [f64],
+    pub R: &'a [f64],
     pub P: &'a [f64],
     information: &'a [f64],
 }

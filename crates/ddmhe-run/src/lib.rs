@@ -70,6 +70,7 @@ mod cost;
 mod estimate;
 pub mod evidence;
 pub mod fallback;
+pub mod judging;
 pub mod kalman;
 pub mod layout;
 pub mod memory;

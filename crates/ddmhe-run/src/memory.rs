@@ -2,7 +2,6 @@
 //! works in.
 
 use crate::active_set::working_set::{ActiveBound, Kept, Sides, WorkingSet};
-use crate::evidence::OfDepth;
 use crate::kalman::Kalman;
 use crate::panels::padded;
 use crate::plan::common::{Shared, Sizes};
@@ -12,16 +11,15 @@ use crate::tol;
 use core::ops::Range;
 use filtering::Filtering;
 use forced::Forced;
-pub use judging::Newest;
 pub use parts::Parts;
 use room::Room;
 use stretches::{Stretches, samples};
+pub(crate) use witness::FilterStep;
 use witness::Witness;
 pub use witness::{Judged, Told};
 
 mod filtering;
 mod forced;
-mod judging;
 mod losses;
 mod parts;
 mod room;
@@ -34,19 +32,19 @@ mod witness;
 /// only keeps all outputs until the horizon is reached.
 #[derive(Debug, Clone)]
 pub struct Memory<B> {
-    block: B,
-    outputs: SlidingBuffer,
-    states: SlidingBuffer,
-    inputs: SlidingBuffer,
-    depth: usize,   // outputs in the window of this step
-    missing: usize, // NaN among the outputs that are kept
-    aside: usize,   // where the outputs are kept that were set aside
-    forced: Forced, // where the forced motion is
-    filtering: Filtering,
-    witness: Witness, // what says how far to trust an estimate
-    room: Room,
-    scratch: usize, // where the room begins
-    sides: usize,   // active bounds of the last step
+    pub(crate) block: B,
+    pub(crate) outputs: SlidingBuffer,
+    pub(crate) states: SlidingBuffer,
+    pub(crate) inputs: SlidingBuffer,
+    pub(crate) depth: usize,   // outputs in the window of this step
+    pub(crate) missing: usize, // NaN among the outputs that are kept
+    aside: usize,              // where the outputs are kept that were set aside
+    forced: Forced,            // where the forced motion is
+    pub(crate) filtering: Filtering,
+    pub(crate) witness: Witness, // what says how far to trust an estimate
+    pub(crate) room: Room,
+    pub(crate) scratch: usize, // where the room begins
+    sides: usize,              // active bounds of the last step
     before: usize,
     kept: Kept,
 }
@@ -169,7 +167,7 @@ impl<B: AsRef<[f64]> + AsMut<[f64]>> Memory<B> {
     }
 
     #[inline(always)]
-    fn stretches(&self) -> Stretches {
+    pub(crate) fn stretches(&self) -> Stretches {
         let Memory { outputs, states, inputs, depth, missing, .. } = *self;
         Stretches { outputs, states, inputs, depth, missing }
     }
@@ -214,48 +212,6 @@ impl<B: AsRef<[f64]> + AsMut<[f64]>> Memory<B> {
             Some(kalman) if chain => self.filtering.chain(self.block.as_mut(), at, kalman),
             _ => self.filtering.unchain(),
         }
-    }
-
-    /// y(t-1) and u(t-1) taken in, and x̂(t) into x, in the user's units, where the estimates in the
-    /// window are one filter's and nothing else is asked for: its cost. None where this step is
-    /// another; nothing has changed then.
-    #[inline(always)]
-    pub(crate) fn filter_alone(
-        &mut self,
-        (shared, evidence): (&Shared<'_>, &Option<OfDepth<'_>>),
-        (y, u): (&[f64], &[f64]),
-        (depth, x): (usize, &mut [f64]),
-    ) -> Option<f64> {
-        let kalman = shared.kalman.as_ref()?;
-        let usual = self.missing == 0 && self.filtering.goes_on(depth);
-        if !usual {
-            return None;
-        }
-        let missing = self.push_output(shared.output_deviations(y));
-        self.push_input(shared.input_deviations(u));
-        let at = self.stretches();
-        self.filtering.step_ahead(self.block.as_mut(), at, kalman, [1, 1]);
-        let next = self.filtering.ahead(self.block.as_ref(), self.states.width);
-        // NaN where an output was not measured
-        if !next.iter().fold(true, |near, x| near & (x.abs() <= tol::MEASURABLE)) || missing > 0 {
-            self.outputs.retract();
-            self.inputs.retract();
-            self.filtering.retract();
-            self.missing -= missing;
-            return None;
-        }
-        for (i, (to, next)) in x.iter_mut().zip(next).enumerate() {
-            *to = next * shared.s_x[i] + shared.mean_x[i];
-        }
-        if self.depth != depth {
-            self.deepen(depth);
-        }
-        let cost = self.filtering.cost(self.block.as_ref(), depth);
-        if shared.sizes.judged() {
-            self.judge_alone(shared, evidence.as_ref(), cost, (y, x));
-        }
-        self.push_state(shared.state_deviations(x));
-        Some(cost)
     }
 
     /// An entry beyond [`MEASURABLE`](tol::MEASURABLE) counts as not measured. Returns how many do.

@@ -24,8 +24,9 @@
 
 use crate::estimate::Estimate;
 use crate::fallback::{Alone, Fallback};
+use crate::judging::Newest;
 use crate::kalman::Kalman;
-use crate::memory::{Memory, Newest, Parts, memory_len};
+use crate::memory::{Memory, Parts, memory_len};
 use crate::panels::Root;
 use crate::plan::bytes::{Plan, PlanError};
 use crate::plan::common::{Limits, Shared};
@@ -367,7 +368,8 @@ impl<'p, 'm> Stepper<'p, 'm> {
                 self.memory.push_input(u.iter().copied());
             }
         }
-        self.memory.start_evidence(&shared, self.plan.starts_unknown());
+        let elsewhere = shared.evidence.is_some_and(|known| known.starts_elsewhere());
+        self.memory.start_evidence(&shared, self.plan.starts_unknown(), elsewhere);
     }
 
     /// Steps taken since the start.

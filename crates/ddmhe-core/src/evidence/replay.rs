@@ -8,6 +8,7 @@
 
 use crate::driving::Driving;
 use crate::error::Error;
+use crate::evidence::Cloud;
 use crate::history::History;
 use crate::plan_builder::factorisation;
 use crate::reduction::{Reduced, reduce};
@@ -47,13 +48,15 @@ pub(crate) struct Replayed {
     pub J: Vec<f64>,
     /// x̂ - x of each (n).
     pub errors: Vec<Vec<f64>>,
+    /// How many windows there are at the end of each held-out stretch.
+    pub stretches: Vec<usize>,
     /// What its newest output differs by from what the others say it is (p).
     pub innovations: Vec<Vec<f64>>,
 }
 
 /// A part that estimates are made from, and a recording of which they are made from sample `first`
 /// on.
-struct Fold {
+pub(crate) struct Fold {
     from: History,
     held_out: History,
     first: usize,
@@ -65,7 +68,7 @@ pub(crate) fn replay(
     setup: Setup<'_>,
     horizon: usize,
 ) -> Result<Vec<(usize, Replayed)>, Error> {
-    let folds = folds(history, horizon);
+    let folds = folds(history);
     let halves = std::iter::successors(Some(horizon), |depth| (*depth > 1).then_some(depth / 2));
     let mut depths: Vec<usize> = halves.collect();
     depths.reverse();
@@ -97,7 +100,7 @@ impl Setup<'_> {
     }
 }
 
-fn folds(history: &History, horizon: usize) -> Vec<Fold> {
+pub(crate) fn folds(history: &History) -> Vec<Fold> {
     let count = history.recordings();
     let outputs = |i: usize| history.outputs(i).len() / history.p();
     if count == 1 {
@@ -109,7 +112,6 @@ fn folds(history: &History, horizon: usize) -> Vec<Fold> {
             first: *first,
         };
         let whole = |(first, end): &(&usize, &usize)| **first > history.n() && end > first;
-        let _ = horizon;
         return at.iter().zip(&at[1..]).filter(whole).map(fold).collect();
     }
     let mut longest: Vec<usize> = (0..count).collect();
@@ -123,6 +125,15 @@ fn folds(history: &History, horizon: usize) -> Vec<Fold> {
 }
 
 impl Fold {
+    /// D of the held-out state that is furthest from those that its estimates are made from.
+    pub fn farthest(&self, scaling: &Scaling) -> f64 {
+        let n = self.from.n();
+        let from = (0..self.from.recordings()).flat_map(|i| self.from.states(i).chunks_exact(n));
+        let cloud = Cloud::new(from, scaling);
+        let held_out = self.held_out.states(0).chunks_exact(n).skip(self.first + 1);
+        held_out.map(|x| cloud.distance(x, scaling)).fold(0.0, f64::max)
+    }
+
     /// As deep as a window of `depth` may be.
     fn depth(&self, depth: usize) -> usize {
         let (T, n) = (self.from.T(), self.from.n());
@@ -178,6 +189,7 @@ impl Fold {
             let own = |i: usize| (0..p).map(|j| deleted[(i, j)] * newest[j]).sum::<f64>();
             found.innovations.push((0..p).map(own).collect());
         }
+        found.stretches.push(found.V.len());
         Ok(())
     }
 }

@@ -7,6 +7,9 @@ use crate::panels::{Root, dot};
 /// anywhere.
 pub const ANYWHERE: f64 = 1e12;
 
+/// The standard normal distribution's .9999.
+const RARE: f64 = 3.719016485455709;
+
 /// Of an unknown state: the variance of its prior in units of the recorded one.
 pub const WIDE: f64 = 10.0;
 
@@ -14,13 +17,38 @@ pub const WIDE: f64 = 10.0;
 #[inline(always)]
 pub fn inflation(rule: Rule, v: f64, limit: f64) -> f64 {
     match rule {
-        Rule::Curved if v > 1.0 => v * v.root(),
-        Rule::Stated | Rule::Filter if v <= limit => 1.0,
+        Rule::Curved | Rule::Louder if v > 1.0 => v * v.root(),
+        Rule::Louder => 1.0,
+        Rule::Stated if v <= limit => 1.0,
         _ => v,
     }
 }
 
-/// L Σ Rᵀ for Σ (n × n, symmetric) and L, R of rows of n, into `out`; `work` is for as many numbers
+/// G = max(1, (d/(.1 T))^2q): what errors of curved recordings grow by with the number d of samples
+/// since the recording's end, at most T, where held-out ones grew; 1 for q = 0.
+#[inline(always)]
+pub fn growth([power, tenth, all, _]: [f64; 4], samples: f64) -> f64 {
+    let far = if samples < all { samples } else { all };
+    if power == 0.0 || far <= tenth { 1.0 } else { libm::pow(far / tenth, power) }
+}
+
+/// What a χ² of these degrees is above once in ten thousand times, by Wilson and Hilferty.
+#[inline(always)]
+pub fn chi_square(degrees: f64) -> f64 {
+    let part = 2.0 / (9.0 * degrees);
+    let root = 1.0 - part + RARE * part.root();
+    degrees * root * root * root
+}
+
+/// D / D_most of a state that deviates so from the mean of the recorded ones, `away` being
+/// Σ_x⁻¹ / D_most (n × n).
+#[inline(always)]
+pub fn distance(away: &[f64], deviation: &[f64]) -> f64 {
+    let rows = away.chunks_exact(deviation.len());
+    rows.zip(deviation).map(|(row, d)| d * dot(row, deviation)).sum()
+}
+
+/// L Σ Lᵀ for Σ (n × n, symmetric) and L of rows of n, into `out`; `work` is for as many numbers
 /// as L has.
 #[inline(always)]
 pub fn sandwich(L: &[f64], sigma: &[f64], n: usize, work: &mut [f64], out: &mut [f64]) {

@@ -1,6 +1,6 @@
 //! Where the numbers behind the evidence are, in the blocks of a plan.
 
-use crate::evidence::Rule;
+use crate::evidence::{ModelSpans, OfModel, Rule};
 use crate::plan::common::Sizes;
 use crate::plan::span::{Cursor, Span};
 
@@ -11,6 +11,8 @@ pub struct PlanSpans {
     pub start: Span,
     /// 1 / the square of each state's recorded spread (n).
     pub per_spread: Span,
+    /// Σ_x⁻¹ / D_most (n × n).
+    pub away: Span,
     /// Variance above which each state is uncertain (n).
     pub uncertain: Span,
     /// Recorded range of each state with a quarter of it on both sides (n each).
@@ -22,6 +24,11 @@ pub struct PlanSpans {
     /// Weight of y - c times v of every output of the deepest window in V (M·p), where R is
     /// diagonal.
     pub weights: Span,
+    /// What the recording leaves open of its model, with the recording's weights.
+    pub model: ModelSpans,
+    /// How held-out errors grow: 2q, .1 T and T of [`growth`](crate::evidence::formulas::growth), and
+    /// how many samples a new run is from the recording's end.
+    pub growth: Span,
     /// W: what a sample adds to Q (n × n).
     pub drift: Span,
 }
@@ -29,18 +36,21 @@ pub struct PlanSpans {
 impl PlanSpans {
     pub(crate) fn new(
         [n, p, m, horizon]: [usize; 4],
-        (judged, plain): (bool, bool),
+        (judged, plain, filter): (bool, bool, bool),
         next: &mut Cursor,
     ) -> Self {
         let kept = |len: usize| if judged { len } else { 0 };
         PlanSpans {
             start: next.take(kept(n * n)),
             per_spread: next.take(kept(n)),
+            away: next.take(kept(n * n)),
             uncertain: next.take(kept(n)),
             x_range: [next.take(kept(n)), next.take(kept(n))],
             u_range: [next.take(kept(m)), next.take(kept(m))],
             patience: next.take(kept(p)),
             weights: next.take(if plain { kept(horizon * p) } else { 0 }),
+            model: ModelSpans::new([n, m], filter, next),
+            growth: next.take(kept(4)),
             drift: next.take(kept(n * n)),
         }
     }
@@ -83,16 +93,24 @@ pub struct OfPlan<'a> {
     pub(crate) rule: Rule,
     pub(crate) start: &'a [f64],
     pub(crate) per_spread: &'a [f64],
+    pub(crate) away: &'a [f64],
     pub(crate) uncertain: &'a [f64],
     pub(crate) x_range: [&'a [f64]; 2],
     pub(crate) u_range: [&'a [f64]; 2],
     pub(crate) patience: &'a [f64],
     pub(crate) weights: &'a [f64],
+    pub(crate) model: OfModel<'a>,
+    pub(crate) growth: [f64; 4],
     pub(crate) drift: Option<&'a [f64]>,
     pub(crate) horizon: usize,
 }
 
 impl<'a> OfPlan<'a> {
+    /// Whether a new run is not to begin at the recording's end.
+    pub fn starts_elsewhere(&self) -> bool {
+        self.growth[3] > 0.0
+    }
+
     /// Whether state i with this variance is uncertain.
     pub fn is_uncertain(&self, i: usize, variance: f64) -> bool {
         variance > self.uncertain[i]
@@ -115,11 +133,14 @@ impl<'a> OfPlan<'a> {
             horizon: sizes.horizon,
             start: of(spans.start),
             per_spread: of(spans.per_spread),
+            away: of(spans.away),
             uncertain: of(spans.uncertain),
             x_range: spans.x_range.map(of),
             u_range: spans.u_range.map(of),
             patience: of(spans.patience),
             weights: of(spans.weights),
+            model: OfModel::new(spans.model, numbers),
+            growth: spans.growth.of(numbers).try_into().unwrap_or_default(),
             drift: sizes.drifts.then(|| of(spans.drift)),
         }
     }

@@ -11,7 +11,7 @@ use core::ops::Range;
 
 /// Where what the filter makes is kept; nothing without the weights of the recording.
 #[derive(Debug, Clone)]
-pub(super) struct Filtering {
+pub(crate) struct Filtering {
     innovations: SlidingBuffer, // beside the outputs that are kept
     ahead: usize,               // [x̂(k+1); ν(k)]
     predicted: usize,           // x̂ of a pass over the window
@@ -252,7 +252,7 @@ impl Filtering {
 }
 
 /// Where a [`Filtered`] is.
-pub(super) enum Found {
+pub(crate) enum Found {
     Settled([Range<usize>; 3]),
     Losses([Range<usize>; 2], f64),
 }

@@ -6,7 +6,7 @@ use crate::plan::common::{Shared, Sizes};
 
 /// The forced motion of the window, and what is left of its outputs: nothing without inputs.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Forced {
+pub(crate) struct Forced {
     pub inputs: usize, // where the stretch of the inputs begins
     pub x: usize,      // means + x_f, in the user's units
     pub free: usize,   // y - y_f

@@ -14,7 +14,7 @@ use core::ops::Range;
 
 /// Where the covariances are, and room for a pass.
 #[derive(Debug, Clone)]
-pub(super) struct Losses {
+pub(crate) struct Losses {
     /// Whether P of the oldest estimate is the stationary one.
     settled: bool,
     /// Whether P(t-m) of the window is.

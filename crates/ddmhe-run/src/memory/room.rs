@@ -8,7 +8,7 @@ use crate::plan::common::Sizes;
 
 /// Sizes of the room that a step works in, in the order in which it lies in the block.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Room {
+pub(crate) struct Room {
     pub rank: usize,   // of z* and z, padded
     pub window: usize, // of the window and its bounds, padded
     pub outputs: usize,

@@ -9,7 +9,7 @@ pub(super) fn samples(depth: usize) -> usize {
 
 /// The samples that are kept, and the window of this step among them.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Stretches {
+pub(crate) struct Stretches {
     pub outputs: SlidingBuffer,
     pub states: SlidingBuffer,
     pub inputs: SlidingBuffer,

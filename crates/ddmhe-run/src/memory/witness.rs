@@ -1,12 +1,18 @@
 //! The evidence on the estimates of a window: see [`evidence`](crate::evidence).
 
-use crate::evidence::formulas::{WIDE, anywhere, inflation, join, limited, sandwich, wide};
+use crate::evidence::formulas::{
+    WIDE, anywhere, distance, growth, inflation, join, limited, sandwich, wide,
+};
 use crate::evidence::{Evidence, OfDepth, OfPlan, Reasons, Rule, Sensitivity};
 use crate::memory::stretches::samples;
 use crate::panels::{dot, padded};
 use crate::plan::common::Sizes;
 use crate::sliding::SlidingBuffer;
 use core::ops::Range;
+pub(crate) use filter::FilterStep;
+use filter::OfFilter;
+
+mod filter;
 
 /// What a window told of itself.
 #[derive(Debug, Clone)]
@@ -25,13 +31,15 @@ pub struct Told<'a> {
     pub newest: &'a [f64],
     /// x̂(t) (n).
     pub x: &'a [f64],
+    /// Mean of the recorded states (n).
+    pub mean: &'a [f64],
     /// Where u(t-1) (m) is in the block, in scaled units.
     pub u: Range<usize>,
 }
 
 /// Where what is kept of it is; nothing where no evidence is asked for.
 #[derive(Debug, Clone)]
-pub(super) struct Witness {
+pub(crate) struct Witness {
     covariances: SlidingBuffer, // Σ of each state that is kept
     last: usize,                // of each output the newest that was measured (p)
     repeats: usize,             // how often in a row (p)
@@ -39,7 +47,9 @@ pub(super) struct Witness {
     variance: usize,            // its (p)
     prior: usize,               // Σ(t-m) (n × n)
     work: usize,                // n × n, or p × n
+    filter: OfFilter,           // with the weights of the recording
     pub end: usize,
+    horizon: usize,
     judged: Judged,
 }
 
@@ -50,6 +60,10 @@ pub struct Judged {
     pub since: usize,
     /// s of the step before.
     pub inflation: f64,
+    /// Steps that s is the mean of, up to the horizon, where it is one.
+    pub steps: f64,
+    /// Samples since the recording's end.
+    pub samples: f64,
     /// Of the newest estimate.
     pub reasons: Reasons,
     /// V / V₀ of its window.
@@ -61,7 +75,8 @@ pub struct Judged {
 impl Judged {
     fn new(horizon: usize) -> Self {
         let (reasons, value, limit) = (Reasons::default(), 0.0, 0.0);
-        Judged { since: horizon, inflation: 1.0, reasons, value, limit }
+        let (steps, samples) = (0.0, 0.0);
+        Judged { since: horizon, inflation: 1.0, steps, samples, reasons, value, limit }
     }
 }
 
@@ -76,15 +91,20 @@ impl Witness {
         };
         let width = if rule == Rule::Off { 0 } else { n * n };
         let stretch = take(samples(horizon) * n * n);
+        let (last, repeats, innovation, variance) = (take(p), take(p), take(p), take(p));
+        let (prior, work) = (take(n * n), take(n * n.max(p)));
+        let filter = OfFilter::new(sizes, next);
         Witness {
             covariances: SlidingBuffer::new(stretch, width, samples(horizon)),
-            last: take(p),
-            repeats: take(p),
-            innovation: take(p),
-            variance: take(p),
-            prior: take(n * n),
-            work: take(n * n.max(p)),
-            end: next,
+            last,
+            repeats,
+            innovation,
+            variance,
+            prior,
+            work,
+            end: filter.end,
+            filter,
+            horizon,
             judged: Judged::new(horizon),
         }
     }
@@ -101,6 +121,7 @@ impl Witness {
         block: &mut [f64],
         known: &OfPlan<'_>,
         (states, unknown): (usize, bool),
+        (s_x, samples): (&[f64], f64),
     ) {
         self.covariances.clear();
         for _ in 0..states {
@@ -113,7 +134,10 @@ impl Witness {
         let p = known.patience.len();
         block[self.last..self.last + p].fill(f64::NAN);
         block[self.repeats..self.repeats + p].fill(0.0);
-        self.judged = Judged::new(known.horizon);
+        self.judged = Judged { samples, ..Judged::new(known.horizon) };
+        if known.rule == Rule::Filter {
+            self.start_filter(block, &known.model, s_x);
+        }
     }
 
     pub fn clear(&mut self) {
@@ -148,7 +172,8 @@ impl Witness {
     ) {
         let (plan, full) = told.known;
         let (n, p) = (told.x.len(), told.newest.len());
-        let (share, s) = self.weigh(depth, told);
+        let (share, of_V) = self.weigh(depth, told);
+        let s = of_V.max(self.leaving(block, told)).max(self.growing(plan));
         self.covariances.next(block);
         let kept = self.covariances.last(depth + 1);
         block.copy_within(kept.start..kept.start + n * n, self.prior);
@@ -166,7 +191,7 @@ impl Witness {
         let now = &mut known[kept.end - n * n..kept.end];
         let prior = &prior[..n * n];
         sandwich(own.carry, prior, n, work, now);
-        join(now, own.error, s, plan.per_spread, plan.rule != Rule::Curved);
+        join(now, own.error, s, plan.per_spread, !plan.rule.is_curved());
         if let Some(drift) = plan.drift {
             now.iter_mut().zip(drift).for_each(|(sum, drift)| *sum += depth as f64 * drift);
         }
@@ -185,37 +210,6 @@ impl Witness {
         self.conclude(block, told, share);
     }
 
-    /// The same with the weights of the recording, given the innovation of each output and how the
-    /// filter's covariance of x̂(t) follows from that of x̂(t-1), or from the block.
-    #[inline(always)]
-    pub fn judge_filter(
-        &mut self,
-        block: &mut [f64],
-        depth: usize,
-        told: &Told<'_>,
-        of_output: impl Fn(&[f64], usize) -> f64,
-        covariance: impl FnOnce(&[f64], &mut [f64], &mut [f64]),
-    ) {
-        let own = told.known.1;
-        let (n, p) = (told.x.len(), told.newest.len());
-        let (share, s) = self.weigh(depth, told);
-        block.copy_within(self.covariances.last(1), self.prior);
-        let now = self.covariances.next(block);
-        for i in 0..p {
-            block[self.innovation + i] = of_output(block, i);
-            let row = &own.of_prior[i * n..(i + 1) * n];
-            let prior = block[self.prior..self.prior + n * n].chunks_exact(n);
-            let along: f64 = row.iter().zip(prior).map(|(a, sigma)| a * dot(row, sigma)).sum();
-            block[self.variance + i] = own.innovation[i] + along;
-        }
-        let (known, room) = block.split_at_mut(self.prior);
-        let (sigma, work) = room.split_at_mut(self.work - self.prior);
-        covariance(known, &mut sigma[..n * n], work);
-        known[now].iter_mut().zip(&*sigma).for_each(|(to, sigma)| *to = sigma * s);
-        self.judged.inflation = s;
-        self.conclude(block, told, share);
-    }
-
     /// The share of the outputs that were measured, and s of V.
     #[inline(always)]
     fn weigh(&mut self, depth: usize, told: &Told<'_>) -> (f64, f64) {
@@ -225,7 +219,50 @@ impl Witness {
         let [V_0, V_most, _] = own.levels;
         self.judged.value = if share > 0.0 { told.sizes[0] / (V_0 * share) } else { 0.0 };
         self.judged.limit = V_most / V_0;
+        if plan.rule == Rule::Exact {
+            return (share, self.noise_level());
+        }
         (share, inflation(plan.rule, self.judged.value, self.judged.limit))
+    }
+
+    /// The mean of v, a step later. What is told is v in units of the mean before, once that is one of
+    /// M steps.
+    fn noise_level(&mut self) -> f64 {
+        let before = self.judged;
+        let M = self.horizon as f64;
+        self.judged.steps = (before.steps + 1.0).min(M);
+        let v = self.judged.value;
+        let told = if before.steps == M { v / before.inflation } else { 1.0 };
+        self.judged.value = if told.is_nan() { 0.0 } else { told };
+        if before.steps == 0.0 {
+            v
+        } else {
+            before.inflation + (v - before.inflation) / self.judged.steps
+        }
+    }
+
+    /// G v, one sample later.
+    #[inline(always)]
+    fn growing(&mut self, plan: &OfPlan<'_>) -> f64 {
+        self.judged.samples += 1.0;
+        if plan.growth[0] == 0.0 {
+            return 0.0;
+        }
+        growth(plan.growth, self.judged.samples) * self.judged.value
+    }
+
+    /// u² where the estimate has left the recorded states.
+    #[inline(always)]
+    fn leaving(&self, block: &mut [f64], told: &Told<'_>) -> f64 {
+        let plan = told.known.0;
+        if !plan.rule.is_curved() {
+            return 0.0;
+        }
+        let deviation = &mut block[self.work..self.work + told.x.len()];
+        let entries = told.x.iter().zip(told.mean);
+        deviation.iter_mut().zip(entries).for_each(|(to, (x, mean))| *to = x - mean);
+        let far = distance(plan.away, deviation);
+        if far > 1.0 { far * far } else { 0.0 }
     }
 
     /// What speaks against trust.
@@ -274,18 +311,32 @@ impl Witness {
         }
     }
 
-    /// What is saved of it: what each output last was and how often, Σ of the states that are kept,
-    /// and the rest.
-    pub fn saved<'b>(&self, block: &'b [f64], p: usize) -> ([&'b [f64]; 3], Judged) {
-        let of = |at: usize| &block[at..at + p];
-        ([of(self.last), of(self.repeats), &block[self.covariances.window()]], self.judged)
+    /// What is saved of it: what is kept, Σ of the states that are kept, scores, and the rest.
+    pub fn saved<'b>(&self, block: &'b [f64]) -> ([&'b [f64]; 3], Judged) {
+        let scores = self.filter.scores.window();
+        let parts = [self.kept(), self.covariances.window(), scores];
+        (parts.map(|part| &block[part]), self.judged)
+    }
+
+    /// Where what is kept is, beside what slides.
+    fn kept(&self) -> Range<usize> {
+        self.last..self.filter.kept
+    }
+
+    /// How many numbers that is, and of how many outputs there are scores at most.
+    pub fn saved_len(&self) -> [usize; 2] {
+        [self.kept().len(), if self.filter.scores.width > 0 { self.horizon } else { 0 }]
     }
 
     /// Takes it up again; as many covariances as states are kept.
     pub fn resume(&mut self, block: &mut [f64], parts: [&[f64]; 3], judged: Judged) {
-        let [last, repeats, covariances] = parts;
-        block[self.last..self.last + last.len()].copy_from_slice(last);
-        block[self.repeats..self.repeats + repeats.len()].copy_from_slice(repeats);
+        let [kept, covariances, scores] = parts;
+        block[self.kept()].copy_from_slice(kept);
+        self.filter.scores.clear();
+        for score in scores.chunks_exact(2) {
+            let at = self.filter.scores.next(block);
+            block[at].copy_from_slice(score);
+        }
         self.covariances.clear();
         for sigma in covariances.chunks_exact(self.covariances.width.max(1)) {
             let at = self.covariances.next(block);

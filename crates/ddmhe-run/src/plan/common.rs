@@ -217,7 +217,11 @@ impl Common {
             outputs: next.take(filled * p),
             inputs: next.take(filled * m),
             kalman: KalmanSpans::new(sizes.channels(), sizes.recorded, &mut next),
-            evidence: PlanSpans::new([n, p, m, M], (sizes.judged(), sizes.plain_noise), &mut next),
+            evidence: PlanSpans::new(
+                [n, p, m, M],
+                (sizes.judged(), sizes.plain_noise, sizes.rule == Rule::Filter),
+                &mut next,
+            ),
             len: 0,
         };
         common.len = next.0;

@@ -2,11 +2,10 @@
 
 use crate::evidence::{Evidence, OfDepth, OfPlan};
 use crate::kalman::Kalman;
-use crate::memory::Memory;
-use crate::memory::witness::{Judged, Told};
-use crate::panels::dot;
+use crate::memory::{FilterStep, Judged, Memory, Told};
 use crate::plan::common::Shared;
 use crate::problem::{WindowProblem, WindowSolution};
+use crate::tol;
 
 /// The newest estimate and output, as they came and went.
 #[derive(Debug, Clone, Copy)]
@@ -21,10 +20,12 @@ pub struct Newest<'a> {
 
 impl<B: AsRef<[f64]> + AsMut<[f64]>> Memory<B> {
     /// Σ of the states that are kept, as at the beginning of a run.
-    pub fn start_evidence(&mut self, shared: &Shared<'_>, unknown: bool) {
+    pub fn start_evidence(&mut self, shared: &Shared<'_>, unknown: bool, elsewhere: bool) {
         if let Some(known) = &shared.evidence {
             let states = self.states.len;
-            self.witness.start(self.block.as_mut(), known, (states, unknown));
+            let at = (states, unknown);
+            let samples = if elsewhere || unknown { known.growth[2] } else { 0.0 };
+            self.witness.start(self.block.as_mut(), known, at, (shared.s_x, samples));
         }
     }
 
@@ -53,6 +54,7 @@ impl<B: AsRef<[f64]> + AsMut<[f64]>> Memory<B> {
             minimised: found.sound,
             newest: &newest.v[newest.v.len() - p..],
             x: newest.x,
+            mean: problem.shared.mean_x,
             u,
         };
         match &problem.shared.kalman {
@@ -66,6 +68,48 @@ impl<B: AsRef<[f64]> + AsMut<[f64]>> Memory<B> {
                 self.witness.judge(self.block.as_mut(), (self.depth, maps), &told);
             }
         }
+    }
+
+    /// y(t-1) and u(t-1) taken in, and x̂(t) into x, in the user's units, where the estimates in the
+    /// window are one filter's and nothing else is asked for: its cost. None where this step is
+    /// another; nothing has changed then.
+    #[inline(always)]
+    pub(crate) fn filter_alone(
+        &mut self,
+        (shared, evidence): (&Shared<'_>, &Option<OfDepth<'_>>),
+        (y, u): (&[f64], &[f64]),
+        (depth, x): (usize, &mut [f64]),
+    ) -> Option<f64> {
+        let kalman = shared.kalman.as_ref()?;
+        let usual = self.missing == 0 && self.filtering.goes_on(depth);
+        if !usual {
+            return None;
+        }
+        let missing = self.push_output(shared.output_deviations(y));
+        self.push_input(shared.input_deviations(u));
+        let at = self.stretches();
+        self.filtering.step_ahead(self.block.as_mut(), at, kalman, [1, 1]);
+        let next = self.filtering.ahead(self.block.as_ref(), self.states.width);
+        // NaN where an output was not measured
+        if !next.iter().fold(true, |near, x| near & (x.abs() <= tol::MEASURABLE)) || missing > 0 {
+            self.outputs.retract();
+            self.inputs.retract();
+            self.filtering.retract();
+            self.missing -= missing;
+            return None;
+        }
+        for (i, (to, next)) in x.iter_mut().zip(next).enumerate() {
+            *to = next * shared.s_x[i] + shared.mean_x[i];
+        }
+        if self.depth != depth {
+            self.deepen(depth);
+        }
+        let cost = self.filtering.cost(self.block.as_ref(), depth);
+        if shared.sizes.judged() {
+            self.judge_alone(shared, evidence.as_ref(), cost, (y, x));
+        }
+        self.push_state(shared.state_deviations(x));
+        Some(cost)
     }
 
     /// The same where a filter alone has made x̂(t), at this cost.
@@ -88,6 +132,7 @@ impl<B: AsRef<[f64]> + AsMut<[f64]>> Memory<B> {
             minimised: true,
             newest: y,
             x,
+            mean: shared.mean_x,
             u: self.inputs.last(1.min(self.inputs.len)),
         };
         self.judge_filter(shared, kalman, &told, false);
@@ -101,29 +146,14 @@ impl<B: AsRef<[f64]> + AsMut<[f64]>> Memory<B> {
         told: &Told<'_>,
         opening: bool,
     ) {
-        let n = self.states.width;
-        let (x, y) = (self.states.last(1), self.outputs.last(1));
-        let losses = self.filtering.covariance(self.depth, n);
-        let block = self.block.as_mut();
-        let (s_x, s_y) = (shared.s_x, shared.s_y);
-        let innovation = |block: &[f64], i: usize| {
-            let (x, y) = (&block[x.clone()], &block[y.clone()]);
-            let predicted =
-                dot(kalman.model.c(i), x) + kalman.model.pushed_output(i, &block[told.u.clone()]);
-            (y[i] - predicted) * s_y[i]
+        let step = FilterStep {
+            model: &kalman.model,
+            scales: [shared.s_x, shared.s_y],
+            at: [self.states.last(1), self.outputs.last(1), told.u.clone()],
+            losses: self.filtering.covariance(self.depth, self.states.width),
+            opening,
         };
-        self.witness.judge_filter(block, self.depth, told, innovation, |known, now, work| {
-            let scale = |k: usize| s_x[k / n] * s_x[k % n];
-            match losses {
-                _ if opening => {
-                    (0..n * n).for_each(|k| now[k] /= scale(k));
-                    kalman.model.follow(&known[y.clone()], now, work);
-                }
-                Some(at) => now.copy_from_slice(&known[at]),
-                None => now.copy_from_slice(kalman.model.P),
-            }
-            (0..n * n).for_each(|k| now[k] *= scale(k));
-        });
+        self.witness.judge_filter(self.block.as_mut(), told, &step);
     }
 
     /// The evidence on the newest estimate; None where none is asked for.
@@ -134,8 +164,12 @@ impl<B: AsRef<[f64]> + AsMut<[f64]>> Memory<B> {
 
     /// What is saved of it: see [`resume_evidence`](Self::resume_evidence).
     pub fn saved_evidence(&self) -> Option<([&[f64]; 3], Judged)> {
-        let p = self.outputs.width;
-        self.witness.is_used().then(|| self.witness.saved(self.block.as_ref(), p))
+        self.witness.is_used().then(|| self.witness.saved(self.block.as_ref()))
+    }
+
+    /// How many numbers are kept of it, and of how many steps there are scores at most.
+    pub fn saved_evidence_len(&self) -> [usize; 2] {
+        self.witness.saved_len()
     }
 
     /// Takes it up: of each output the newest value and how often it came, Σ of the states that are

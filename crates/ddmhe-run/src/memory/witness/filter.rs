@@ -1,0 +1,183 @@
+//! The evidence with the weights of the recording: see [`model`](crate::evidence::model).
+
+use crate::active_set::factor::{cholesky, solve_lower};
+use crate::evidence::formulas::chi_square;
+use crate::evidence::{OfModel, Rule};
+use crate::kalman::Model;
+use crate::memory::stretches::samples;
+use crate::memory::witness::{Told, Witness};
+use crate::panels::{dot, padded};
+use crate::plan::common::Sizes;
+use crate::sliding::SlidingBuffer;
+use core::ops::Range;
+
+/// Where the parts of the filter's covariance are, all in scaled units; nothing under other rules.
+#[derive(Debug, Clone)]
+pub(crate) struct OfFilter {
+    K: usize,     // (q+1 n × n)
+    b: usize,     // (n)
+    P: usize,     // of x̂(t) (n × n)
+    sigma: usize, // Σ without what V adds (n × n)
+    pub kept: usize,
+    nu: usize,   // (p)
+    S: usize,    // (p × p)
+    work: usize, // n × n + n + 2 q
+    /// νᵀS⁻¹ν of each step of the last M, and how many outputs it is of.
+    pub scores: SlidingBuffer,
+    pub end: usize,
+}
+
+/// What a step of the filter is given, by where it is in the block.
+#[derive(Debug, Clone)]
+pub(crate) struct FilterStep<'a> {
+    pub model: &'a Model<'a>,
+    /// Scales of the states and of the outputs.
+    pub scales: [&'a [f64]; 2],
+    /// x̂(t-1) (n), y(t-1) (p, NaN where not measured) and u(t-1) (m), as scaled deviations.
+    pub at: [Range<usize>; 3],
+    /// P of x̂(t), where it is not the stationary one.
+    pub losses: Option<Range<usize>>,
+    /// Whether the run is from an unknown state and its window not full yet.
+    pub opening: bool,
+}
+
+impl OfFilter {
+    pub fn new(sizes: Sizes, at: usize) -> Self {
+        let Sizes { n, p, m, horizon, .. } = sizes;
+        let (q, used) = (n + m, sizes.rule == Rule::Filter);
+        let mut next = at;
+        let mut take = |len: usize| {
+            let start = next;
+            next += if used { padded(len) } else { 0 };
+            start
+        };
+        let (K, b) = (take((q + 1) * n * n), take(n));
+        let (P, sigma) = (take(n * n), take(n * n));
+        let (nu, S) = (take(p), take(p * p));
+        let work = take(n * n + n + 2 * q);
+        let stretch = take(samples(horizon) * 2);
+        let width = if used { 2 } else { 0 };
+        let scores = SlidingBuffer::new(stretch, width, samples(horizon));
+        OfFilter { K, b, P, sigma, kept: nu, nu, S, work, scores, end: next }
+    }
+}
+
+impl Witness {
+    /// As at the beginning of a run, P being Σ of the newest state.
+    pub(super) fn start_filter(&mut self, block: &mut [f64], model: &OfModel<'_>, s_x: &[f64]) {
+        let OfFilter { K, P, sigma, kept, .. } = self.filter;
+        let (n, first) = (s_x.len(), self.covariances.last(1).start);
+        block[K..kept].fill(0.0);
+        for k in 0..n * n {
+            let start = block[first + k] / (s_x[k / n] * s_x[k % n]);
+            block[P + k] = start;
+            block[sigma + k] = model.few() * start;
+            block[first + k] *= model.few();
+        }
+        self.filter.scores.clear();
+    }
+
+    /// Σ(t), the innovation and what speaks against trust.
+    #[inline(always)]
+    pub fn judge_filter(&mut self, block: &mut [f64], told: &Told<'_>, step: &FilterStep<'_>) {
+        let model = &told.known.0.model;
+        self.innovate(block, model, step);
+        let OfFilter { K, b, P, sigma, nu, work, .. } = self.filter;
+        let [x, _, u] = step.at.clone();
+        let n = told.x.len();
+        {
+            let (known, room) = block.split_at_mut(K);
+            let (of_K, room) = room.split_at_mut(b - K);
+            let (of_b, room) = room.split_at_mut(P - b);
+            let (of_P, room) = room.split_at_mut(sigma - P);
+            let (of_sigma, room) = room.split_at_mut(nu - sigma);
+            let work = &mut room[work - nu..];
+            let (of_P, of_sigma) = (&mut of_P[..n * n], &mut of_sigma[..n * n]);
+            let q = n + u.len();
+            let of_K = &mut of_K[..(q + 1) * n * n];
+            let of_b = &mut of_b[..n];
+            model.move_on(&known[x], &known[u], (of_K, of_b), work);
+            match &step.losses {
+                _ if step.opening => step.model.follow(&known[step.at[1].clone()], of_P, work),
+                Some(at) => of_P.copy_from_slice(&known[at.clone()]),
+                None => of_P.copy_from_slice(step.model.P),
+            }
+            model.covariance(of_P, (of_K, of_b), of_sigma, work);
+        }
+        let large = self.score(block);
+        let now = self.covariances.next(block);
+        let (known, room) = block.split_at_mut(sigma);
+        let s_x = step.scales[0];
+        for (k, (to, entry)) in known[now].iter_mut().zip(&room[..n * n]).enumerate() {
+            *to = entry * large * s_x[k / n] * s_x[k % n];
+        }
+        self.judged.inflation = large;
+        self.conclude(block, told, 1.0);
+    }
+
+    /// ν, its variances and νᵀS⁻¹ν of what was measured.
+    #[inline(always)]
+    fn innovate(&mut self, block: &mut [f64], of: &OfModel<'_>, step: &FilterStep<'_>) {
+        let OfFilter { sigma, nu, S, .. } = self.filter;
+        let [x, y, u] = step.at.clone();
+        let (n, p, few) = (x.len(), y.len(), of.few());
+        let s_y = step.scales[1];
+        let mut measured = 0;
+        for i in 0..p {
+            let c = step.model.c(i);
+            let known = dot(c, &block[x.clone()]) + step.model.pushed_output(i, &block[u.clone()]);
+            let value = block[y.start + i] - known;
+            for j in 0..=i {
+                let rows = block[sigma..sigma + n * n].chunks_exact(n);
+                let along = |(a, row): (&f64, &[f64])| a * dot(row, step.model.c(j));
+                let entry: f64 = c.iter().zip(rows).map(along).sum();
+                let own = if i == j { few * step.model.R[i] } else { 0.0 };
+                block[S + i * p + j] = entry + own;
+            }
+            block[self.innovation + i] = value * s_y[i];
+            block[self.variance + i] = block[S + i * p + i] * s_y[i] * s_y[i];
+            block[nu + i] = value;
+            measured += usize::from(!value.is_nan());
+        }
+        // what was not measured has no part: a row of the identity, and nothing to explain
+        for i in (0..p).filter(|_| measured < p) {
+            if block[nu + i].is_nan() {
+                block[nu + i] = 0.0;
+                (0..p).for_each(|j| block[S + i.max(j) * p + i.min(j)] = 0.0);
+                block[S + i * p + i] = 1.0;
+            }
+        }
+        let (room, square) = block.split_at_mut(S);
+        let (square, whitened) = (&mut square[..p * p], &mut room[nu..nu + p]);
+        let score = match cholesky(square, p, p, 0.0) {
+            Some(()) => {
+                solve_lower(square, whitened, p);
+                dot(whitened, whitened)
+            }
+            None => f64::INFINITY,
+        };
+        let at = self.filter.scores.next(block);
+        block[at].copy_from_slice(&[score, measured as f64]);
+    }
+
+    /// NIS over the last M, its limit, and what Σ is multiplied with.
+    #[inline(always)]
+    fn score(&mut self, block: &[f64]) -> f64 {
+        let horizon = self.horizon;
+        while self.filter.scores.len > horizon {
+            self.filter.scores.forget();
+        }
+        let mut sums = [0.0; 2];
+        for pair in block[self.filter.scores.window()].chunks_exact(2) {
+            (sums[0], sums[1]) = (sums[0] + pair[0], sums[1] + pair[1]);
+        }
+        let [score, outputs] = sums;
+        if outputs == 0.0 {
+            (self.judged.value, self.judged.limit) = (0.0, f64::INFINITY);
+            return 1.0;
+        }
+        (self.judged.value, self.judged.limit) = (score / outputs, chi_square(outputs) / outputs);
+        let full = self.filter.scores.len == horizon;
+        if full { self.judged.value.max(1.0) } else { 1.0 }
+    }
+}
