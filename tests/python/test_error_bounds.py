@@ -299,8 +299,8 @@ def test_a_certificate_without_a_model_needs_a_recording_without_noise():
     bare = Certificate(c.P, c.Q, c.R, c.eta, c.residual)
     for h, bounded in ((ddmhe.History(x, y), True), (noisy_copy(rng, x, y, 1e-6), False)):
         estimator = ddmhe.DdMhe(h, certificate=bare, disturbance=(0.1, 0.01, 0.01))
-        assert (estimator.step(y[0]).bound is not None) == bounded
         assert (estimator.warnings == []) == bounded
+        assert (estimator.step(y[0]).bound is not None) == bounded
 
 
 def test_no_bound_in_advance_from_a_model_of_a_noisy_recording(tmp_path):
