@@ -14,27 +14,27 @@ pub(crate) struct Doubts {
     novel: Option<usize>,
     uncertain: Vec<Option<usize>>, // by state
     stuck: Vec<Option<usize>>,     // by output
-    outside: Vec<Option<usize>>,   // by state, then by input
+    outside: Vec<Option<usize>>,   // by state: of inputs the watch tells
 }
 
 impl Doubts {
     /// None yet.
     pub fn new(history: &History) -> Self {
         let none = |channels: usize| vec![None; channels];
-        let (n, p, m) = (history.n(), history.p(), history.m());
-        Doubts { novel: None, uncertain: none(n), stuck: none(p), outside: none(n + m) }
+        let (n, p) = (history.n(), history.p());
+        Doubts { novel: None, uncertain: none(n), stuck: none(p), outside: none(n) }
     }
 
-    /// Takes note of the evidence on x̂(t), after inputs u(t-1) in scaled units.
+    /// Takes note of the evidence on x̂(t).
     #[inline(always)]
-    pub fn note(&mut self, of: &Evidence, known: &OfPlan<'_>, (x, u): (&[f64], &[f64]), t: usize) {
+    pub fn note(&mut self, of: &Evidence, known: &OfPlan<'_>, x: &[f64], t: usize) {
         if !of.reasons.is_empty() {
-            self.look(of, known, (x, u), t);
+            self.look(of, known, x, t);
         }
     }
 
     #[cold]
-    fn look(&mut self, of: &Evidence, known: &OfPlan<'_>, (x, u): (&[f64], &[f64]), t: usize) {
+    fn look(&mut self, of: &Evidence, known: &OfPlan<'_>, x: &[f64], t: usize) {
         if of.reasons.contains(Reasons::NOVEL) {
             self.novel.get_or_insert(t);
         }
@@ -49,20 +49,15 @@ impl Doubts {
                 first.get_or_insert(t);
             }
         }
-        let (states, inputs) = self.outside.split_at_mut(n);
-        let beside = |i: usize| known.is_state_outside(i, x[i]);
-        states.iter_mut().enumerate().filter(|(i, _)| beside(*i)).for_each(|(_, first)| {
-            first.get_or_insert(t);
-        });
-        let beside = |i: usize| known.is_input_outside(i, u[i]);
-        inputs.iter_mut().enumerate().filter(|(i, _)| beside(*i)).for_each(|(_, first)| {
-            first.get_or_insert(t);
-        });
+        for (i, first) in self.outside.iter_mut().enumerate() {
+            if known.is_state_outside(i, x[i]) {
+                first.get_or_insert(t);
+            }
+        }
     }
 
     /// In words; `dt` in seconds.
     pub fn words(&self, dt: f64) -> Vec<String> {
-        let n = self.uncertain.len();
         let mut words: Vec<String> = self
             .novel
             .iter()
@@ -86,8 +81,9 @@ impl Doubts {
             )
         }));
         words.extend(told(&self.outside, &|i| {
-            let name = if i < n { format!("state {i}") } else { format!("input {}", i - n) };
-            format!("{name} (counted from 0) is outside of its recorded range by a quarter of it")
+            format!(
+                "state {i} (counted from 0) is outside of its recorded range by a quarter of it"
+            )
         }));
         words
     }

@@ -529,9 +529,15 @@ pub(crate) fn stated_beyond(config: &Config, scaling: &Scaling) -> Vec<f64> {
         // of an exact recording one unit, to measure a run by
         return vec![f64::from(u8::from(is_exact(scaling))); p];
     };
+    // fifth differences of fast motion are none of noise; what an affine step leaves holds both
+    let (n, exact) = (scaling.s_x.len(), is_exact(scaling));
+    let recorded = |i: usize| match exact {
+        true => 0.0,
+        false => scaling.noise_y[i].min(scaling.one_step[n + i][0]),
+    };
     let beyond = |i: usize| {
         let stated = stated[i % stated.len()];
-        (stated * stated - scaling.noise_y[i]).max(0.0) / (scaling.s_y[i] * scaling.s_y[i])
+        (stated * stated - recorded(i)).max(0.0) / (scaling.s_y[i] * scaling.s_y[i])
     };
     (0..p).map(beyond).collect()
 }

@@ -366,9 +366,7 @@ impl Run {
             && let Some(known) = &shared.evidence
         {
             own.update(&found);
-            let u = self.memory.window_inputs();
-            let newest = &u[u.len() - design.history.m()..];
-            self.doubts.note(own, known, (&self.estimate.x, newest), self.t);
+            self.doubts.note(own, known, &self.estimate.x, self.t);
         }
     }
 }

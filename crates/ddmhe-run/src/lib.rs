@@ -80,6 +80,7 @@ pub mod prices;
 pub mod problem;
 pub mod response;
 pub mod reweight;
+mod sensitivity;
 mod sliding;
 mod soft;
 mod status;

@@ -8,16 +8,17 @@ use crate::plan::common::{Shared, Sizes};
 use crate::problem::Scratch;
 use crate::sliding::SlidingBuffer;
 use crate::tol;
+pub(crate) use considered::FilterStep;
 use core::ops::Range;
 use filtering::Filtering;
 use forced::Forced;
 pub use parts::Parts;
 use room::Room;
 use stretches::{Stretches, samples};
-pub(crate) use witness::FilterStep;
 use witness::Witness;
 pub use witness::{Judged, Told};
 
+mod considered;
 mod filtering;
 mod forced;
 mod losses;

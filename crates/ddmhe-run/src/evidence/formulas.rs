@@ -1,6 +1,6 @@
 //! The covariance of an estimate from that of its prior: small matrices by rows.
 
-use crate::evidence::Rule;
+use crate::evidence::rule::Rule;
 use crate::panels::{Root, dot};
 
 /// Largest Σ_i (standard deviation / recorded spread)² that is handed out: beyond it every state is

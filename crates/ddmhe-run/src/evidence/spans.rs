@@ -1,7 +1,7 @@
 //! Where the numbers behind the evidence are, in the blocks of a plan.
 
-use crate::evidence::{ModelSpans, OfModel, Rule};
-use crate::plan::common::Sizes;
+use crate::evidence::model::{ModelSpans, OfModel};
+use crate::evidence::rule::Rule;
 use crate::plan::span::{Cursor, Span};
 
 /// Of all depths. All in the user's units.
@@ -121,16 +121,15 @@ impl<'a> OfPlan<'a> {
         x < self.x_range[0][i] || x > self.x_range[1][i]
     }
 
-    /// Whether input i, in scaled units, is outside of its recorded range.
-    pub fn is_input_outside(&self, i: usize, u: f64) -> bool {
-        u < self.u_range[0][i] || u > self.u_range[1][i]
-    }
-
-    pub(crate) fn new(sizes: Sizes, spans: PlanSpans, numbers: &'a [f64]) -> Self {
+    pub(crate) fn new(
+        (rule, horizon, drifts): (Rule, usize, bool),
+        spans: PlanSpans,
+        numbers: &'a [f64],
+    ) -> Self {
         let of = |span: Span| span.of(numbers);
         OfPlan {
-            rule: sizes.rule,
-            horizon: sizes.horizon,
+            rule,
+            horizon,
             start: of(spans.start),
             per_spread: of(spans.per_spread),
             away: of(spans.away),
@@ -141,7 +140,7 @@ impl<'a> OfPlan<'a> {
             weights: of(spans.weights),
             model: OfModel::new(spans.model, numbers),
             growth: spans.growth.of(numbers).try_into().unwrap_or_default(),
-            drift: sizes.drifts.then(|| of(spans.drift)),
+            drift: drifts.then(|| of(spans.drift)),
         }
     }
 }

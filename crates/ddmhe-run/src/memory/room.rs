@@ -1,10 +1,10 @@
 //! The room that a step works in.
 
 use crate::active_set::priced::priced_len;
-use crate::evidence::sensitivity_len;
 use crate::kalman;
 use crate::panels::padded;
 use crate::plan::common::Sizes;
+use crate::sensitivity::sensitivity_len;
 
 /// Sizes of the room that a step works in, in the order in which it lies in the block.
 #[derive(Debug, Clone, Copy)]

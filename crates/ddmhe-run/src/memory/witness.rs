@@ -3,16 +3,14 @@
 use crate::evidence::formulas::{
     WIDE, anywhere, distance, growth, inflation, join, limited, sandwich, wide,
 };
-use crate::evidence::{Evidence, OfDepth, OfPlan, Reasons, Rule, Sensitivity};
+use crate::evidence::{Evidence, OfDepth, OfPlan, Reasons, Rule};
+use crate::memory::considered::{FilterStep, OfFilter};
 use crate::memory::stretches::samples;
 use crate::panels::{dot, padded};
 use crate::plan::common::Sizes;
+use crate::sensitivity::Sensitivity;
 use crate::sliding::SlidingBuffer;
 use core::ops::Range;
-pub(crate) use filter::FilterStep;
-use filter::OfFilter;
-
-mod filter;
 
 /// What a window told of itself.
 #[derive(Debug, Clone)]
@@ -136,7 +134,8 @@ impl Witness {
         block[self.repeats..self.repeats + p].fill(0.0);
         self.judged = Judged { samples, ..Judged::new(known.horizon) };
         if known.rule == Rule::Filter {
-            self.start_filter(block, &known.model, s_x);
+            let first = self.covariances.last(1).start;
+            self.filter.start(block, &known.model, first, s_x);
         }
     }
 
@@ -172,7 +171,7 @@ impl Witness {
     ) {
         let (plan, full) = told.known;
         let (n, p) = (told.x.len(), told.newest.len());
-        let (share, of_V) = self.weigh(depth, told);
+        let of_V = self.weigh(depth, told);
         let s = of_V.max(self.leaving(block, told)).max(self.growing(plan));
         self.covariances.next(block);
         let kept = self.covariances.last(depth + 1);
@@ -207,22 +206,36 @@ impl Witness {
             innovation[i] = if told.newest[i].is_nan() { f64::NAN } else { sum };
         }
         self.judged.inflation = s;
-        self.conclude(block, told, share);
+        self.conclude(block, told);
     }
 
-    /// The share of the outputs that were measured, and s of V.
+    /// The same with the weights of the recording.
     #[inline(always)]
-    fn weigh(&mut self, depth: usize, told: &Told<'_>) -> (f64, f64) {
+    pub fn judge_filter(&mut self, block: &mut [f64], told: &Told<'_>, step: &FilterStep<'_>) {
+        let model = &told.known.0.model;
+        self.filter.innovate(block, model, step, [self.innovation, self.variance]);
+        self.filter.advance(block, model, step);
+        let [value, limit, large] = self.filter.score(block);
+        self.judged = Judged { value, limit, inflation: large, ..self.judged };
+        let now = self.covariances.next(block);
+        self.filter.write(block, now, large, step.scales[0]);
+        self.conclude(block, told);
+    }
+
+    /// s of V.
+    #[inline(always)]
+    fn weigh(&mut self, depth: usize, told: &Told<'_>) -> f64 {
         let (plan, own) = told.known;
         let all = depth * told.newest.len();
         let share = if told.measured == all { 1.0 } else { told.measured as f64 / all as f64 };
         let [V_0, V_most, _] = own.levels;
-        self.judged.value = if share > 0.0 { told.sizes[0] / (V_0 * share) } else { 0.0 };
+        // what was not measured is taken to be as it is in held-out windows
+        self.judged.value = told.sizes[0] / V_0 + (1.0 - share);
         self.judged.limit = V_most / V_0;
         if plan.rule == Rule::Exact {
-            return (share, self.noise_level());
+            return self.noise_level();
         }
-        (share, inflation(plan.rule, self.judged.value, self.judged.limit))
+        inflation(plan.rule, self.judged.value, self.judged.limit)
     }
 
     /// The mean of v, a step later. What is told is v in units of the mean before, once that is one of
@@ -267,7 +280,7 @@ impl Witness {
 
     /// What speaks against trust.
     #[inline(always)]
-    fn conclude(&mut self, block: &mut [f64], told: &Told<'_>, share: f64) {
+    fn conclude(&mut self, block: &mut [f64], told: &Told<'_>) {
         let (plan, own) = told.known;
         let n = told.x.len();
         let at = self.covariances.last(1);
@@ -276,8 +289,9 @@ impl Witness {
         }
         limited(&mut block[at.clone()], plan.per_spread);
         let sigma = &block[at];
-        let [J, J_most] = [told.sizes[1], own.levels[2] * share];
-        let novel = !(self.judged.value <= self.judged.limit) || J > J_most || !told.minimised;
+        let [J, J_most] = [told.sizes[1], own.levels[2]];
+        let unlike = !(self.judged.value <= self.judged.limit) || J > J_most;
+        let novel = unlike && told.measured > 0 || !told.minimised;
         self.judged.since = if novel { 0 } else { self.judged.since.saturating_add(1) };
         let doubtful = |(i, most): (usize, &f64)| sigma[i * n + i] > *most;
         let beyond = |values: &[f64], [lo, hi]: [&[f64]; 2]| {

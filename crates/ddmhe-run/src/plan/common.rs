@@ -313,10 +313,10 @@ impl<'a> Shared<'a> {
                 .sizes
                 .recorded
                 .then(|| Kalman::new(common.sizes.channels(), common.kalman, numbers)),
-            evidence: common
-                .sizes
-                .judged()
-                .then(|| OfPlan::new(common.sizes, common.evidence, numbers)),
+            evidence: common.sizes.judged().then(|| {
+                let Sizes { rule, horizon, drifts, .. } = common.sizes;
+                OfPlan::new((rule, horizon, drifts), common.evidence, numbers)
+            }),
         }
     }
 

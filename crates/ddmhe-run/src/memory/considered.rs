@@ -5,7 +5,6 @@ use crate::evidence::formulas::chi_square;
 use crate::evidence::{OfModel, Rule};
 use crate::kalman::Model;
 use crate::memory::stretches::samples;
-use crate::memory::witness::{Told, Witness};
 use crate::panels::{dot, padded};
 use crate::plan::common::Sizes;
 use crate::sliding::SlidingBuffer;
@@ -24,6 +23,7 @@ pub(crate) struct OfFilter {
     work: usize, // n × n + n + 2 q
     /// νᵀS⁻¹ν of each step of the last M, and how many outputs it is of.
     pub scores: SlidingBuffer,
+    horizon: usize,
     pub end: usize,
 }
 
@@ -58,15 +58,15 @@ impl OfFilter {
         let stretch = take(samples(horizon) * 2);
         let width = if used { 2 } else { 0 };
         let scores = SlidingBuffer::new(stretch, width, samples(horizon));
-        OfFilter { K, b, P, sigma, kept: nu, nu, S, work, scores, end: next }
+        OfFilter { K, b, P, sigma, kept: nu, nu, S, work, scores, horizon, end: next }
     }
 }
 
-impl Witness {
-    /// As at the beginning of a run, P being Σ of the newest state.
-    pub(super) fn start_filter(&mut self, block: &mut [f64], model: &OfModel<'_>, s_x: &[f64]) {
-        let OfFilter { K, P, sigma, kept, .. } = self.filter;
-        let (n, first) = (s_x.len(), self.covariances.last(1).start);
+impl OfFilter {
+    /// As at the beginning of a run, P being the covariance in the user's units at `first`.
+    pub fn start(&mut self, block: &mut [f64], model: &OfModel<'_>, first: usize, s_x: &[f64]) {
+        let OfFilter { K, P, sigma, kept, .. } = *self;
+        let n = s_x.len();
         block[K..kept].fill(0.0);
         for k in 0..n * n {
             let start = block[first + k] / (s_x[k / n] * s_x[k % n]);
@@ -74,51 +74,52 @@ impl Witness {
             block[sigma + k] = model.few() * start;
             block[first + k] *= model.few();
         }
-        self.filter.scores.clear();
+        self.scores.clear();
     }
 
-    /// Σ(t), the innovation and what speaks against trust.
+    /// Σ(t), before what V adds.
     #[inline(always)]
-    pub fn judge_filter(&mut self, block: &mut [f64], told: &Told<'_>, step: &FilterStep<'_>) {
-        let model = &told.known.0.model;
-        self.innovate(block, model, step);
-        let OfFilter { K, b, P, sigma, nu, work, .. } = self.filter;
-        let [x, _, u] = step.at.clone();
-        let n = told.x.len();
-        {
-            let (known, room) = block.split_at_mut(K);
-            let (of_K, room) = room.split_at_mut(b - K);
-            let (of_b, room) = room.split_at_mut(P - b);
-            let (of_P, room) = room.split_at_mut(sigma - P);
-            let (of_sigma, room) = room.split_at_mut(nu - sigma);
-            let work = &mut room[work - nu..];
-            let (of_P, of_sigma) = (&mut of_P[..n * n], &mut of_sigma[..n * n]);
-            let q = n + u.len();
-            let of_K = &mut of_K[..(q + 1) * n * n];
-            let of_b = &mut of_b[..n];
-            model.move_on(&known[x], &known[u], (of_K, of_b), work);
-            match &step.losses {
-                _ if step.opening => step.model.follow(&known[step.at[1].clone()], of_P, work),
-                Some(at) => of_P.copy_from_slice(&known[at.clone()]),
-                None => of_P.copy_from_slice(step.model.P),
-            }
-            model.covariance(of_P, (of_K, of_b), of_sigma, work);
+    pub fn advance(&self, block: &mut [f64], model: &OfModel<'_>, step: &FilterStep<'_>) {
+        let OfFilter { K, b, P, sigma, nu, work, .. } = *self;
+        let [x, y, u] = step.at.clone();
+        let (n, q) = (x.len(), x.len() + u.len());
+        let (known, room) = block.split_at_mut(K);
+        let (of_K, room) = room.split_at_mut(b - K);
+        let (of_b, room) = room.split_at_mut(P - b);
+        let (of_P, room) = room.split_at_mut(sigma - P);
+        let (of_sigma, room) = room.split_at_mut(nu - sigma);
+        let work = &mut room[work - nu..];
+        let (of_K, of_b) = (&mut of_K[..(q + 1) * n * n], &mut of_b[..n]);
+        let (of_P, of_sigma) = (&mut of_P[..n * n], &mut of_sigma[..n * n]);
+        model.move_on(&known[x], &known[u], (of_K, of_b), work);
+        match &step.losses {
+            _ if step.opening => step.model.follow(&known[y], of_P, work),
+            Some(at) => of_P.copy_from_slice(&known[at.clone()]),
+            None => of_P.copy_from_slice(step.model.P),
         }
-        let large = self.score(block);
-        let now = self.covariances.next(block);
-        let (known, room) = block.split_at_mut(sigma);
-        let s_x = step.scales[0];
-        for (k, (to, entry)) in known[now].iter_mut().zip(&room[..n * n]).enumerate() {
-            *to = entry * large * s_x[k / n] * s_x[k % n];
+        model.covariance(of_P, (of_K, of_b), of_sigma, work);
+    }
+
+    /// Σ(t), `times` as large, in the user's units.
+    #[inline(always)]
+    pub fn write(&self, block: &mut [f64], to: Range<usize>, times: f64, s_x: &[f64]) {
+        let n = s_x.len();
+        let (known, room) = block.split_at_mut(self.sigma);
+        for (k, (to, entry)) in known[to].iter_mut().zip(&room[..n * n]).enumerate() {
+            *to = entry * times * s_x[k / n] * s_x[k % n];
         }
-        self.judged.inflation = large;
-        self.conclude(block, told, 1.0);
     }
 
     /// ν, its variances and νᵀS⁻¹ν of what was measured.
     #[inline(always)]
-    fn innovate(&mut self, block: &mut [f64], of: &OfModel<'_>, step: &FilterStep<'_>) {
-        let OfFilter { sigma, nu, S, .. } = self.filter;
+    pub fn innovate(
+        &mut self,
+        block: &mut [f64],
+        of: &OfModel<'_>,
+        step: &FilterStep<'_>,
+        [innovation, variance]: [usize; 2],
+    ) {
+        let OfFilter { sigma, nu, S, .. } = *self;
         let [x, y, u] = step.at.clone();
         let (n, p, few) = (x.len(), y.len(), of.few());
         let s_y = step.scales[1];
@@ -134,8 +135,8 @@ impl Witness {
                 let own = if i == j { few * step.model.R[i] } else { 0.0 };
                 block[S + i * p + j] = entry + own;
             }
-            block[self.innovation + i] = value * s_y[i];
-            block[self.variance + i] = block[S + i * p + i] * s_y[i] * s_y[i];
+            block[innovation + i] = value * s_y[i];
+            block[variance + i] = block[S + i * p + i] * s_y[i] * s_y[i];
             block[nu + i] = value;
             measured += usize::from(!value.is_nan());
         }
@@ -156,28 +157,25 @@ impl Witness {
             }
             None => f64::INFINITY,
         };
-        let at = self.filter.scores.next(block);
+        let at = self.scores.next(block);
         block[at].copy_from_slice(&[score, measured as f64]);
     }
 
-    /// NIS over the last M, its limit, and what Σ is multiplied with.
+    /// NIS of an output over the last M steps, what it is novel above, and what Σ is multiplied with.
     #[inline(always)]
-    fn score(&mut self, block: &[f64]) -> f64 {
-        let horizon = self.horizon;
-        while self.filter.scores.len > horizon {
-            self.filter.scores.forget();
+    pub fn score(&mut self, block: &[f64]) -> [f64; 3] {
+        while self.scores.len > self.horizon {
+            self.scores.forget();
         }
-        let mut sums = [0.0; 2];
-        for pair in block[self.filter.scores.window()].chunks_exact(2) {
-            (sums[0], sums[1]) = (sums[0] + pair[0], sums[1] + pair[1]);
+        let (mut score, mut outputs) = (0.0, 0.0);
+        for pair in block[self.scores.window()].chunks_exact(2) {
+            (score, outputs) = (score + pair[0], outputs + pair[1]);
         }
-        let [score, outputs] = sums;
         if outputs == 0.0 {
-            (self.judged.value, self.judged.limit) = (0.0, f64::INFINITY);
-            return 1.0;
+            return [0.0, f64::INFINITY, 1.0];
         }
-        (self.judged.value, self.judged.limit) = (score / outputs, chi_square(outputs) / outputs);
-        let full = self.filter.scores.len == horizon;
-        if full { self.judged.value.max(1.0) } else { 1.0 }
+        let value = score / outputs;
+        let large = if self.scores.len == self.horizon { value.max(1.0) } else { 1.0 };
+        [value, chi_square(outputs) / outputs, large]
     }
 }
