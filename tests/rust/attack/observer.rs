@@ -71,11 +71,11 @@ fn watch(source: &mut Source<'_>) {
             Ok(is_ordered) => assert!(is_ordered, "step {k}: {:?}", own.estimate()),
             Err(_) => assert_eq!(before, own.present(), "step {k}"),
         }
-        // back to where it was, and the same step again
-        let (after, e) = (own.present(), own.estimate().clone());
+        // back to where it was, and the same step again; bytes, since a centre may be no number
+        let after = own.present();
         own.resume(&before).unwrap();
         drop(own.step(&[y], &[]));
-        assert!(own.present() == after && *own.estimate() == e, "step {k} again");
+        assert_eq!(own.present(), after, "step {k} again");
     }
     assert!(own.step(&[], &[]).is_err() && own.step(&[0.0], &[1.0]).is_err());
 }

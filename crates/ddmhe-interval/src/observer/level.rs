@@ -126,6 +126,8 @@ impl Level {
             (norm(&parts) * inflation(8) + peak.worst_distance(&to.rest) + 4.0 * TINY)
                 * inflation(2)
         };
+        // what no float holds says nothing, and is a number that can be saved
+        let distance = if distance.is_nan() { f64::INFINITY } else { distance };
         LevelSet { distance, decay }
     }
 
