@@ -132,7 +132,8 @@ PREFACE = [
     "the truth for each",
     "case and span by itself. The tuner's constants were chosen with the random targets, the "
     "spin-downs and the logs",
-    "in view; the held-out targets were not looked at before.",
+    "in view; the held-out targets were not looked at before. No units are stated, other than in "
+    "`make study-defaults`.",
     "",
 ]
 
