@@ -16,15 +16,10 @@ from ddmhe.design import RecordingNoise, ioss, pole_placement
 ROOT = Path(__file__).resolve().parents[1]
 REPORT = ROOT / "docs" / "certificates-study.md"
 sys.path.insert(0, str(ROOT / "tests" / "python"))
-from reference import random_system  # noqa: E402
-from test_certificate import (  # noqa: E402
-    A_TRUE,
-    C_TRUE,
-    disturbed,
-    largest_eigenvalue,
-    random_pair,
-    rich_recording,
-)
+from reference import largest_eigenvalue, random_system  # noqa: E402
+from test_certificate import random_pair  # noqa: E402
+from test_error_bounds import disturbed  # noqa: E402
+from test_robust_certificate import A_TRUE, C_TRUE, rich_recording  # noqa: E402
 
 
 def random_systems():

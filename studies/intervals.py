@@ -21,7 +21,7 @@ from ddmhe.reproduce.montecarlo import in_parallel
 ROOT = Path(__file__).resolve().parents[1]
 REPORT = ROOT / "docs" / "intervals-study.md"
 sys.path.insert(0, str(ROOT / "tests" / "python"))
-from test_interval import NumpyObserver, adversary  # noqa: E402
+from pendulum_case import NumpyObserver, adversary  # noqa: E402
 
 TRAJECTORIES, BATCH, STEPS = 100_000, 1000, 100
 ADVERSARIES = 200

@@ -103,6 +103,8 @@ def main():
         "the recorded rate.",
         f"What is not on the axes: {', '.join(f'{k} = {v:g}' for k, v in BASE.items())}, torque "
         "noise 0.01 N m.",
+        'rho and mu are given, so they are those of the cost (17) as printed (weights "paper"), '
+        "whatever the default is.",
         "How to read it: [sensitivity.md](sensitivity.md).",
         "",
     ]

@@ -11,7 +11,7 @@ from rich.console import Console
 from rich.table import Table
 
 import ddmhe
-from disturbance import Log, masses, single_axis
+from noisy_systems import Log, masses, single_axis
 
 TIMES = (2.5, 5.0, 20.0)
 """Online noise over the recorded one."""

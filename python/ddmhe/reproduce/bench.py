@@ -47,9 +47,10 @@ LEVELS: dict[str, Callable[[Bench], str]] = {
 }
 """How the benches differ, in words."""
 
-MHE, DEFAULTS, KMHE, ESKF, TUNED, EKF = (
+MHE, DEFAULTS, FREE, KMHE, ESKF, TUNED, EKF = (
     "Dd-MHE, paper's weights",
     "Dd-MHE, defaults",
+    "Dd-MHE, defaults, no box",
     "Dd-KMHE, paper's weights",
     "Dd-ESKF, Q = 1e5, R = 1e3",
     "Dd-ESKF, tuned",
@@ -70,6 +71,7 @@ def estimators(history: History, bench: Bench, x_0: Array, mu: float, seed: int)
     return {
         MHE: lambda: DdMhe(history, M, RHO, mu, space=Truncated(1), start="state", **box),
         DEFAULTS: lambda: DdMhe(history, start="state", **box),
+        FREE: lambda: DdMhe(history, start="state"),
         KMHE: lambda: KoopmanMhe(history, M, RHO, mu, seed=seed),
         ESKF: lambda: ErrorStateKalman(history, 1e5, 1e3),
         TUNED: lambda: ErrorStateKalman(history),
