@@ -252,3 +252,23 @@ def test_words_of_reasons_and_shares():
     ]
     shares = {0.0: "0 %", 1.0: "100 %", 0.999: "99 %", 0.001: "1 %", 0.874: "87 %"}
     assert {share: share_words(share) for share in shares} == shares
+
+
+def test_errors_within_bars_are_counted_apart_while_trusted():
+    trusted = np.array([True, True, False, False])
+    trust = Trust(np.full((4, 1), 1.0), trusted, 1 - trusted.astype(np.uint8), "V")
+    error = np.array([[2.9], [np.nan], [3.1], [-3.1]])
+    assert trust.within(error) == {
+        "errors within 3 sd": "33.3% of 3",
+        "... while trusted": "100.0% of 1",
+    }
+    assert list(trust.rows(~trusted).within(error[2:])) == ["errors within 3 sd"]
+
+
+def test_a_recording_too_short_to_be_held_out_is_said():
+    x = np.cumsum(np.random.default_rng(0).standard_normal((6, 4)), axis=0)
+    estimator = ddmhe.DdMhe(ddmhe.History(x, x[:5]))
+    assert np.isnan(estimator.promise).all()
+    trust = Trust.of_log(estimator.run(x))
+    assert "the recording is too short to calibrate bars" in trust.words(estimator.promise)
+    assert "calibrated by replay" in trust.words(np.ones(4))

@@ -106,12 +106,10 @@ def _draw_states(
 
 
 def _draw_bands(axes: Axes, t: Array, x_hat: Array, std: Array) -> None:
-    """Bands, which leave the limits of the axes as they are."""
-    limits = axes.get_ylim()
+    """Bands, on axes whose limits are set: these stay as they are."""
     for i in range(x_hat.shape[1]):
         room = BARS * std[:, i]
         axes.fill_between(t, x_hat[:, i] - room, x_hat[:, i] + room, color=color_of(i), **BAND)
-    axes.set_ylim(limits)
 
 
 def _shade_doubts(axes: Axes, t: Array, reasons: NDArray[np.uint8]) -> set[Reason]:
