@@ -246,6 +246,15 @@ def test_doubt_is_shaded_where_it_is_and_named():
     assert "doubt: stuck" not in legend(drawn([0, 1, 1, 0, 0, 3, 8, 0, 0, 1]))
 
 
+def test_a_log_of_one_estimate_has_its_figure(frame, tmp_path):
+    frame.iloc[: T + 2].to_csv(tmp_path / "log.csv", index=False)
+    result = in_here(*ESTIMATE, "--plot", "est.svg", cwd=tmp_path)
+    assert result.returncode == 0, result.stderr
+    assert len(pd.read_csv(tmp_path / "est.csv")) == 1
+    assert "<svg" in (tmp_path / "est.svg").read_text()
+    assert "of 3 " in result.stdout  # errors, one a state
+
+
 def test_words_of_reasons_and_shares():
     assert reason_words(np.array([0, 1, 15, 8, 6], dtype=np.uint8)) == [
         *("", "novel", "novel+uncertain+stuck+outside", "outside", "uncertain+stuck")
