@@ -2,7 +2,7 @@
 # .venv.
 .DEFAULT_GOAL := help
 .NOTPARALLEL:
-.PHONY: help setup packages demo test test-long lint bench bench-latency bench-peers \
+.PHONY: help setup packages demo test test-long fuzz audit lint bench bench-latency bench-peers \
 	instructions wheel test-wheel study-defaults study-certificates study-tuning study-promise \
 	study-sensitivity study-reproduction study-intervals study-estimators study-disturbance \
 	study-stated-noise clean
@@ -38,6 +38,15 @@ test: setup ## all tests: Rust, then Python
 test-long: setup ## the long tests, which `make test` leaves out
 	cargo test --workspace --release --locked -- --ignored long
 	$(PYTEST) -m long
+	tests/fuzz/run.sh 60
+
+fuzz: setup ## half an hour of a fuzzer for each of what reads bytes or numbers
+	tests/fuzz/run.sh 1800
+
+# The advisories come from the network; licences, bans and sources are in deny.toml.
+audit: packages ## licences and known faults of what it is built from
+	cargo deny --locked check
+	.venv/bin/python -m pip_audit -r requirements-dev.txt
 
 lint: rust-components packages ## formatting, clippy, rustdoc, ruff, mypy
 	cargo fmt --all --check

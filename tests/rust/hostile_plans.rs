@@ -4,6 +4,7 @@
 use crate::plan::{Flash, configs, recorded, refused, sealed, small};
 use crate::systems::modes;
 use ddmhe_core::{Config, DdMhe, Start};
+use ddmhe_run::evidence::Rule;
 use ddmhe_run::memory::memory_len;
 use ddmhe_run::plan::{Common, Depth, Kind, Sizes};
 use ddmhe_run::{PlanError, Prices, Stepper};
@@ -116,7 +117,7 @@ fn a_run_that_would_lack_a_block_is_refused() {
     assert_eq!(refused(&sealed(with(&full, 8, 1.0))), PlanError::Sizes);
     // more directions than any block has, and flags that nobody knows
     assert_eq!(refused(&sealed(with(&grown, 7, found(7) + 1.0))), PlanError::Sizes);
-    assert_eq!(refused(&sealed(with(&grown, 11, found(11) + 256.0))), PlanError::Sizes);
+    assert_eq!(refused(&sealed(with(&grown, 11, found(11) + 512.0))), PlanError::Sizes);
 }
 
 /// No length of a plan, nor the room for a step, exceeds 32 bits where the sizes are called
@@ -142,6 +143,12 @@ fn lengths_can_be_counted_in_32_bits() {
             w_bounded: flag(4) && flag(5),
             driven: flag(5),
             prices: Prices { x: f64::from(u8::from(flag(7))), ..Prices::default() },
+            rule: match (flag(8), flag(6) && flag(5)) {
+                (false, _) => Rule::Off,
+                (true, true) => Rule::Filter,
+                (true, false) => Rule::Curved,
+            },
+            drifts: flag(8),
         }
     };
     assert!(sizes([20, 20, 5, 100, 40], 127).countable(largest));
@@ -154,13 +161,13 @@ fn lengths_can_be_counted_in_32_bits() {
     for _ in 0..60_000 {
         // of every magnitude up to what a header may say
         let five = std::array::from_fn(|_| 2_f64.powf(rng.random_range(0.0..19.9)) as usize);
-        let sizes = sizes(five, rng.random_range(0..256));
+        let sizes = sizes(five, rng.random_range(0..512));
         if !sizes.countable(largest) {
             continue;
         }
         let Sizes { n, p, horizon, rank, centered, .. } = sizes;
         let layout = sizes.layout(horizon);
-        let kind = Kind { centered, ..Kind::default() };
+        let kind = Kind { centered, judged: sizes.judged(), ..Kind::default() };
         let block = Depth::new(layout, rank, kind).len;
         let answer = (horizon + 2) * n + horizon * p + layout.disturbances_len();
         let room = memory_len(sizes) + answer;

@@ -2,6 +2,7 @@
 #![allow(clippy::unwrap_used, clippy::panic)]
 
 mod allocation;
+mod attack;
 mod certificate;
 mod examples;
 mod hostile_plans;

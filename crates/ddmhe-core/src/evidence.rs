@@ -22,7 +22,7 @@ use crate::covariance::inverse_factor;
 use crate::driving::Driving;
 use crate::error::Error;
 use crate::history::History;
-use crate::recorded_default::bends;
+use crate::recorded_default::shape;
 use crate::reduction::Reduced;
 use crate::scaling::{EXACT, Scaling};
 use crate::variation::fifth_differences;
@@ -46,6 +46,8 @@ const COVERED: f64 = 0.997;
 const FAR: f64 = 0.7;
 /// Held-out errors grow where those of the last third of a stretch are so many times the first's.
 const GROWS: f64 = 1.5;
+/// They are taken to grow by this at least where the motion is curved and noise hides it.
+const HIDDEN: f64 = 3.0;
 /// An output is stuck after so many equal values, or so many times the longest run recorded.
 const PATIENCE: (f64, f64) = (10.0, 3.0);
 /// Of its range, how far a channel may leave it.
@@ -147,7 +149,8 @@ impl Reference {
         let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len() as f64;
         let most = |values: &[f64]| values.iter().copied().fold(0.0, f64::max);
         let V_0 = mean(&of.V).max(f64::MIN_POSITIVE.sqrt());
-        let levels = [V_0, NOVEL * most(&of.V).max(V_0), NOVEL * most(&of.J).max(V_0)];
+        let levels = [V_0, NOVEL * most(&of.V).max(V_0), NOVEL * most(&of.J)];
+        let rule = if rule == Rule::Louder { Rule::Curved } else { rule };
         let s: Vec<f64> = of.V.iter().map(|V| inflation(rule, V / V_0, f64::INFINITY)).collect();
         let error = covering(&of.errors, &s);
         let innovations = covering(&of.innovations, &s);
@@ -220,11 +223,13 @@ fn growth(
     let spread: Vec<f64> = scaling.unit_x.iter().zip(&scaling.s_x).map(|(u, s)| u / s).collect();
     let g = match deepest {
         Some(of) if rule.is_curved() && history.recordings() == 1 => of.growth(&spread),
-        _ => 1.0,
+        _ => return [0.0, 0.1 * T, T],
     };
-    let power =
-        if g > GROWS && bends(history, scaling) { 2.0 * g.ln() / 5.0_f64.ln() } else { 0.0 };
-    [power, 0.1 * T, T]
+    let (white, straight) = shape(history, scaling);
+    // white residuals of a curved motion: noise hides the growth
+    let g = if white && !straight { g.max(HIDDEN) } else { g };
+    let grows = g > GROWS && !(white && straight);
+    [if grows { 2.0 * g.ln() / 5.0_f64.ln() } else { 0.0 }, 0.1 * T, T]
 }
 
 /// C (Σ e eᵀ) C / Σ s, of vectors e and their s: three deviations cover [`COVERED`] of each entry.

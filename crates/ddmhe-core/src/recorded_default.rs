@@ -123,13 +123,13 @@ fn telling(scaling: &Scaling, residuals: &Mat<f64>) -> Vec<usize> {
     (0..residuals.ncols()).filter(|j| noise(j) > EXACT * spreads[*j].powi(2)).collect()
 }
 
-/// Whether what an affine step leaves of the recording is not white, or products of states explain a
-/// part of it: the motion is not that of a linear system.
-pub(crate) fn bends(history: &History, scaling: &Scaling) -> bool {
+/// Whether what an affine step leaves of the recording is white, and whether products of states
+/// explain nothing of it.
+pub(crate) fn shape(history: &History, scaling: &Scaling) -> (bool, bool) {
     let model = LinearModel::new(history, scaling);
     let told = telling(scaling, &model.residuals);
-    lag_one(history, &model.residuals, &told) > LAG
-        || curvature(history, scaling, (&model.residuals, &told)) > CURVED
+    let white = lag_one(history, &model.residuals, &told) <= LAG;
+    (white, curvature(history, scaling, (&model.residuals, &told)) <= CURVED)
 }
 
 /// The largest lag-1 autocorrelation of the columns, none across a seam.

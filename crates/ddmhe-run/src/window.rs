@@ -19,8 +19,9 @@
 use crate::active_set::problem::{LeastDistance, Trust, Windows};
 use crate::active_set::working_set::WorkingSet;
 use crate::fallback::{Fallback, decide};
+use crate::kalman::Filtered;
 use crate::panels::{WIDTH, each, margins, padded, scaled_difference, smaller, sum};
-use crate::plan::common::Limits;
+use crate::plan::common::{Limits, Shared};
 use crate::prices::RowPrices;
 use crate::problem::{Data, Fit, Scratch, WindowProblem, WindowSolution};
 use crate::status::Status;
@@ -249,6 +250,9 @@ impl WindowProblem<'_> {
         (fit, filtered): (&mut Fit<'_>, bool),
     ) -> f64 {
         self.in_user_units(s.window, data.means, fit.states);
+        if let (true, Some(Filtered::Settled { next, .. })) = (filtered, data.filtered) {
+            self.newest(next, fit.states);
+        }
         if self.depth.layout.driven {
             fit.w.copy_from_slice(self.disturbances(s.window));
         }
@@ -301,6 +305,18 @@ impl WindowProblem<'_> {
     #[inline(always)]
     fn in_user_units(&self, window: &[f64], means: &[f64], states: &mut [f64]) {
         sum(&window[..means.len()], means, states);
+    }
+
+    /// x̂(t) as a step makes it that asks for nothing else: where there are inputs the forced motion
+    /// was taken off the window and added again, which costs a last bit.
+    #[inline(always)]
+    fn newest(&self, next: &[f64], states: &mut [f64]) {
+        let Shared { s_x, mean_x, sizes, .. } = self.shared;
+        if sizes.m > 0 {
+            let at = states.len() - sizes.n;
+            let scaled = next.iter().zip(s_x).zip(mean_x).map(|((x, s), mean)| x * s + mean);
+            states[at..].iter_mut().zip(scaled).for_each(|(to, x)| *to = x);
+        }
     }
 
     /// Whether x̂(t) is a number of at most [`MEASURABLE`](tol::MEASURABLE). What is not finite in

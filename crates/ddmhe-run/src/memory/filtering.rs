@@ -232,9 +232,10 @@ impl Filtering {
         (self.found == Some(Way::Losses)).then(|| self.losses.covariance(depth, n))
     }
 
-    /// Whether the estimates that are kept are one filter's.
+    /// Whether the estimates that are kept are one filter's: not before outputs that were there from
+    /// the start, the recording's, are filtered.
     pub fn is_chain(&self) -> bool {
-        self.chain
+        self.chain && self.unfiltered == 0
     }
 
     /// From now on they are not.

@@ -146,7 +146,8 @@ impl Common {
             drifts: bit(bits, 8),
         };
         let some = n > 0 && p > 0 && horizon > 0 && rank > 0 && depths > 0 && lag > 0;
-        let unlike = (rule == Rule::Filter) != (sizes.recorded && sizes.judged());
+        let unlike = (rule == Rule::Filter) != (sizes.recorded && sizes.judged())
+            || sizes.drifts && !sizes.judged();
         if !some || filled > horizon || unlike || !sizes.countable(largest) {
             return None;
         }

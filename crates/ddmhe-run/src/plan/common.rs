@@ -83,7 +83,7 @@ impl Sizes {
 
     /// An upper bound on these, None beyond 64 bits. With S rows that a window slides through and r
     /// directions, each array has at most (S + r)(r + 2n + p + m) numbers, or L (n + p + m)² in Θ, or
-    /// (S (2n + p) + r)² where bounds may be left.
+    /// (S (2n + p) + r)² where bounds may be left, or (n + m + 1) n² where evidence follows a filter.
     fn at_most(&self) -> Option<u64> {
         let [n, p, m, lag] = [self.n, self.p, self.m, self.lag].map(|size| size as u64);
         let [M, r] = [self.horizon, self.rank].map(|size| size as u64);
@@ -92,9 +92,16 @@ impl Sizes {
         let samples = M.max(32).checked_mul(2)?.checked_add(2)?;
         let rows = samples.checked_mul(channels)?.checked_add(r)?.checked_add(16)?;
         let left = if self.prices.any() { rows.checked_mul(rows)? } else { 0 };
+        let judged = match self.rule {
+            Rule::Filter => {
+                channels.checked_add(1)?.checked_mul(channels.checked_mul(channels)?)?
+            }
+            _ => 0,
+        };
         rows.checked_mul(r.checked_add(channels)?.checked_add(16)?)?
             .checked_add(theta)?
             .checked_add(left)?
+            .checked_add(judged)?
             .checked_mul(16)
     }
 

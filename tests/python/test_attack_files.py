@@ -1,0 +1,173 @@
+"""Damaged logs, settings, blobs and command lines: an answer, or one sentence of ours."""
+
+import tempfile
+from pathlib import Path
+
+import numpy as np
+import pytest
+import tomli_w
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+import ddmhe
+from commands import in_here
+from ddmhe.config import read_config
+from ddmhe.recordings import read_log
+
+ROWS = [f"{k / 10:.1f},{np.cos(k / 3):.4f},{np.cos(k / 3) + 0.1:.4f},{k % 3}" for k in range(40)]
+LOG = ("t,a,y,u\n" + "\n".join(ROWS) + "\n").encode()
+CONFIG = tomli_w.dumps(
+    {
+        "horizon": 5,
+        "rho": 0.9,
+        "mu": 2.0,
+        "x_bounds": [[-1.0], [1.0]],
+        "soft": {"x": 10.0, "v": 100.0},
+        "equilibrium": [[0.0], [0.0]],
+        "process_noise": [[1e-4]],
+        "space": {"kind": "ridge", "weight": 1e-2, "normalised": True},
+        "missing": [-9999],
+        "certificate": {"eta": 0.9, "P": [[1.0]], "Q": [[2.0]], "R": [[0.5]]},
+    }
+).encode()
+H = ddmhe.History(np.cos(np.arange(31.0))[:, None], np.sin(np.arange(30.0))[:, None])
+PLACE = Path(tempfile.mkdtemp(prefix="ddmhe-attack-"))
+PIECES = (
+    b"", b"\0", b"\n", b"\r", b",", b'"', b";", b"nan", b"inf", b"-9999", b"1e400", b"\xff\xfe",
+    b"\xef\xbb\xbf", "é".encode("latin-1"), "٣".encode(), b"1_0", b"0x1", b"t", b"a,a", b"[", b"]",
+    b"{", b"=", b"#", b"'''", b"true", b"2026-01-01", b" " * 300, b"9" * 400,
+)  # fmt: skip
+
+
+def profile(examples):
+    """Without a clock: the machine may be busy."""
+    return settings(
+        max_examples=examples,
+        deadline=None,
+        derandomize=True,
+        database=None,
+        suppress_health_check=list(HealthCheck),
+    )
+
+
+@st.composite
+def damaged(draw, whole):
+    """These bytes with up to six pieces replaced, doubled or lost."""
+    found = bytearray(whole)
+    for _ in range(draw(st.integers(0, 6))):
+        at = draw(st.integers(0, len(found)))
+        end = min(len(found), at + draw(st.sampled_from([0, 0, 1, 1, 4, 40, 400])))
+        piece = st.one_of(st.sampled_from(PIECES), st.binary(max_size=5), st.just(bytes(whole)))
+        found[at:end] = draw(piece)
+    return bytes(found)
+
+
+def sentence(call):
+    """What it returns; None after an error of ours in one line."""
+    try:
+        return call()
+    except ddmhe.DdmheError as e:
+        words = str(e)
+    assert words
+    assert "\n" not in words
+    return None
+
+
+def a_log(data, how):
+    path = PLACE / "log.csv"
+    path.write_bytes(data)
+    options = {"decimate": 1 + how % 2, "missing": [-9999.0] if how & 4 else []}
+    names = (["a"], ["y"]) if how & 8 else (["a"], ["a", "y"])
+    if how & 16:
+        options["unwrap"] = ["a"]
+    log = sentence(lambda: read_log(path, *names, input=["u"] if how & 2 else (), **options))
+    if log is not None:
+        assert np.isfinite(log.t).all()
+        assert not np.isinf(log.x).any()
+        assert not np.isinf(log.y).any()
+        for part in (lambda: log, log.fill_gaps):
+            sentence(lambda part=part: part().split(1.5))
+
+
+def a_config(data):
+    path = PLACE / "est.toml"
+    path.write_bytes(data)
+    found = sentence(lambda: read_config(path))
+    if found is not None:
+        found.pop("missing", None)
+        sentence(lambda: ddmhe.DdMhe(H, **found))
+
+
+def a_blob(data):
+    for read in (ddmhe.History.from_bytes, ddmhe.DdMhe.restore):
+        sentence(lambda read=read: read(data))
+
+
+ARGUMENTS = (
+    "--horizon", "0", "-1", "5", "1e9", "99999999999999999999", "--rho", "nan", "1", "--mu", "inf",
+    "--space", "exact", "truncated:-1", "ridge:x", "--start-from", "unknown", "recording",
+    "--start", "1e300", "--decimate", "2", "--gaps", "error", "--missing", "-9999,x", "--unwrap",
+    "a", "--input", "u", "u,u", "--history", "1.5", "--config", "nowhere.toml", "--plot", "p.xyz",
+    "--out", "/", ".", "log.csv", "--warm-start", "--no-warm-start", "--time", "t", "", "ü", "--",
+    "-",
+)  # fmt: skip
+
+
+def a_command(arguments, data):
+    (PLACE / "log.csv").write_bytes(data)
+    usual = ["--state", "a", "--output", "y", "--history", "1.5", "--out", "est.csv"]
+    result = in_here("estimate", "log.csv", *usual, *arguments, cwd=PLACE)
+    assert result.returncode in (0, 2), result
+    if result.returncode == 2:
+        assert result.stderr.count("\n") == 1
+        assert result.stderr.startswith("ddmhe: error:")
+    assert "Traceback" not in result.stderr + result.stdout
+
+
+HOW = st.integers(0, 31)
+WORDS = st.lists(st.sampled_from(ARGUMENTS), max_size=4)
+
+
+@profile(60)
+@given(damaged(LOG), HOW)
+def test_a_damaged_log(data, how):
+    a_log(data, how)
+
+
+@profile(60)
+@given(damaged(CONFIG))
+def test_a_damaged_configuration(data):
+    a_config(data)
+
+
+@profile(60)
+@given(damaged(H.to_bytes()))
+def test_a_damaged_blob(data):
+    a_blob(data)
+
+
+@profile(10)
+@given(WORDS, damaged(LOG))
+def test_an_odd_command(arguments, data):
+    a_command(arguments, data)
+
+
+@pytest.mark.long
+@profile(3000)
+@given(damaged(LOG), HOW)
+def test_long_a_damaged_log(data, how):
+    a_log(data, how)
+
+
+@pytest.mark.long
+@profile(3000)
+@given(damaged(CONFIG))
+def test_long_a_damaged_configuration(data):
+    a_config(data)
+
+
+@pytest.mark.long
+@profile(150)
+@given(WORDS, damaged(LOG))
+def test_long_an_odd_command(arguments, data):
+    a_command(arguments, data)
