@@ -10,6 +10,8 @@ equilibrium = [[0.0], [0.0]]     # x_e, y_e, and u_e of a system with inputs
 weights = "recorded"             # without rho and mu; or "scaled", "paper"
 process_noise = "residual"       # or "recorded", "none", or [[1e-4, 0.0], [0.0, 1e-4]]
 w_bounds = [-0.1, 0.1]
+output_noise = 0.01              # or one an output, [0.01, 0.02]
+evidence = true                  # false: estimates do not say how far to trust them
 missing = [-9999, 999]           # for the command line: numbers of a log that say "not measured"
 space = { kind = "truncated", rank = 5 }   # or "auto", "exact", or a ridge:
 # space = { kind = "ridge", weight = 1e-2, normalised = true }

@@ -9,11 +9,16 @@ README = (ROOT / "README.md").read_text(encoding="utf-8")
 
 def test_python_example_runs(capsys):
     blocks = re.findall(r"```python\n(.*?)```", README, re.DOTALL)
-    assert len(blocks) == 4
+    assert len(blocks) == 5
     exec(compile("\n".join(blocks), "README.md", "exec"), {})
     printed = capsys.readouterr().out
     assert "optimal (2, 3)" in printed  # one output in: a window of two states
     assert "['optimal']" in printed
+    assert float(re.search(r"within 3 standard deviations: (\S+)", printed)[1]) > 0.99
+    since = re.search(r"trusted for (\S+) s, then novel: True", printed)[1]
+    assert since in README.split("### How far to trust it")[1].split("###")[0]
+    before, after = re.search(r"error before: (\S+), after: (\S+) rad/s", printed).groups()
+    assert f"{before} before, {after} after" in README
     assert "Guaranteed for every system" in printed
     assert float(re.search(r"largest error (\S+)", printed)[1]) < 1e-6  # of speeds of size 1
 

@@ -79,7 +79,8 @@ def estimate_figure(
     doubts: set[Reason] = set()
     for axes in figure.axes:
         shade(axes, history[0])
-        doubts = set() if trust is None else _shade_doubts(axes, t, trust.reasons)
+        if trust is not None:
+            doubts = _shade_doubts(axes, np.append(history[0][-1], t), trust.reasons)
     above.set_ylabel(quantity)
     figure.axes[-1].set_xlabel("time (s)")
     figure.axes[-1].set_xlim(history[0][0], t[-1])
@@ -106,17 +107,16 @@ def _draw_states(
 
 
 def _draw_bands(axes: Axes, t: Array, x_hat: Array, std: Array) -> None:
-    """Bands, which leave the limits of the axes as they are."""
-    limits = axes.get_ylim()
+    """Bands, on axes whose limits are set: these stay as they are."""
     for i in range(x_hat.shape[1]):
         room = BARS * std[:, i]
         axes.fill_between(t, x_hat[:, i] - room, x_hat[:, i] + room, color=color_of(i), **BAND)
-    axes.set_ylim(limits)
 
 
 def _shade_doubts(axes: Axes, t: Array, reasons: NDArray[np.uint8]) -> set[Reason]:
-    """Shade the time t (N,), s, of estimates that are in doubt, by reason; those that there are."""
-    edges = np.concatenate([[1.5 * t[0] - 0.5 * t[1]], 0.5 * (t[1:] + t[:-1]), [t[-1]]])
+    """Shade the time of estimates that are in doubt, by reason; those that there are. t (N+1,), s,
+    begins with the end of the recording."""
+    edges = np.append(0.5 * (t[1:] + t[:-1]), t[-1])
     found = set()
     for reason, color in DOUBTS.items():
         there = np.concatenate([[0], (reasons & reason != 0).astype(int), [0]])
