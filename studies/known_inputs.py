@@ -244,10 +244,10 @@ state that is not recorded is missing in the errors, too.
 
 Hand over what is known as an input, and with the whole state. Weights of the recording take what
 disturbs the states and what disturbs the outputs for independent. An input that is ignored or
-handed over as an output disturbs both at once, and so does a state that is not recorded; what
-they leave is nearly white, so that nothing of what the default asks for sees it
-([defaults.md](defaults.md)). Windows of the recording (*scaled*) hold that dependence: where the
-recorded state may not be all there is, say `weights="scaled"`.
+handed over as an output disturbs both at once, and so does a state that is not recorded. The
+default refuses these weights where the two are nearly one signal ([defaults.md](defaults.md);
+the limit was chosen on the systems of this page). Windows of the recording (*scaled*) hold that
+dependence: where the recorded state may not be all there is, say `weights="scaled"`.
 """
 WEIGHT_WORDS = """\
 All of these know u. In brackets the worst of 20; w is the deviation of the disturbance, x ± that of

@@ -92,3 +92,29 @@ def test_the_default_reads_one_recording_as_it_reads_several():
     assert ddmhe.DdMhe(parts).weights == ddmhe.DdMhe(history).weights == "recorded"
     together = ddmhe.DdMhe(parts).run(Y[:50]).x
     np.testing.assert_allclose(together, ddmhe.DdMhe(history).run(Y[:50]).x, atol=0.05)
+
+
+@pytest.mark.parametrize("hidden", ["input", "state"])
+def test_where_one_signal_drives_states_and_outputs_they_are_refused(hidden):
+    """A white input that is handed over as an output, a state that is not recorded: each drives what
+    is left of the states and of the outputs."""
+    refused = 0
+    for seed in range(10):
+        rng = np.random.default_rng(700 + seed)
+        A = np.diag([0.9, 0.7, 0.5]) + 0.1 * rng.standard_normal((3, 3))
+        B, C = rng.standard_normal((3, 1)), rng.standard_normal((2, 3))
+        D = rng.standard_normal((2, 1))
+        system = Driven(A, B, np.zeros(3), C, D, np.zeros(2))
+        u = rng.standard_normal((300, 1))
+        w, v = 0.01 * rng.standard_normal((300, 3)), 0.05 * rng.standard_normal((300, 2))
+        x, y = system.simulate(np.zeros(3), u, w, v)
+        if hidden == "input":
+            history = ddmhe.History(x[:151], np.hstack([y, u])[:150])
+        else:
+            history = ddmhe.History(x[:151, :2], y[:150])
+        est = ddmhe.DdMhe(history)
+        assert est.weights == "scaled"
+        refused += "nearly the outputs' noise" in est.settings.why["weights"]
+        known = ddmhe.DdMhe(ddmhe.History(x[:151], y[:150], u=u[:150]))
+        assert known.weights == "recorded"
+    assert refused >= 5  # others are refused for another reason

@@ -8,7 +8,7 @@
 use crate::history::History;
 use crate::scaling::Scaling;
 use crate::variation::{Steps, centred, least_squares};
-use faer::Mat;
+use faer::{Mat, MatRef};
 
 /// Outputs in the windows of [`LinearModel::of_windows`]: 5 to 14 do.
 const DEPTH: usize = 7;
@@ -113,9 +113,19 @@ impl LinearModel {
         self.covariance(self.e.len(), self.r.len())
     }
 
+    /// Covariance of ε and s (n × p).
+    pub fn of_both(&self) -> Mat<f64> {
+        let (n, p) = (self.e.len(), self.r.len());
+        self.product(self.residuals.subcols(0, n), self.residuals.subcols(n, p))
+    }
+
     fn covariance(&self, first: usize, width: usize) -> Mat<f64> {
         let E = self.residuals.subcols(first, width);
-        let mut S = E.transpose() * E;
+        self.product(E, E)
+    }
+
+    fn product(&self, E: MatRef<'_, f64>, other: MatRef<'_, f64>) -> Mat<f64> {
+        let mut S = E.transpose() * other;
         S *= faer::Scale(1.0 / self.freedom as f64);
         S
     }

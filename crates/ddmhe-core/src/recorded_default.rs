@@ -12,6 +12,8 @@
 //! - the states' own noise is a small share of what they do, [`SHARE`] in every direction: least
 //!   squares on noisy states shrink a mode by that share at every sample;
 //! - no product of two states explains a residual: an F test, [`CURVED`];
+//! - what drives the states is not the outputs' noise: their largest canonical correlation is at most
+//!   [`COMMON`] (an input that is not known, or a state that is not recorded, makes them one signal);
 //! - the filter's innovations in the recording are as large as it says, within [`NIS`].
 //!
 //! The fourth and the fifth are what keeps tumbling bodies out: within their own recording the
@@ -36,6 +38,9 @@ use faer::Mat;
 const LAG: f64 = 0.3;
 /// Largest score of the F test, in deviations of a normal variable (Wilson and Hilferty 1931).
 const CURVED: f64 = 5.0;
+/// Largest correlation of what drives the states with the noise of the outputs. Recordings of whole
+/// states and known inputs have .72 at most (60 samples), others .9 to 1.
+const COMMON: f64 = 0.8;
 /// Smallest and largest mean square of the whitened innovations in the recording.
 const NIS: (f64, f64) = (0.5, 1.5);
 
@@ -93,6 +98,13 @@ pub(crate) fn recorded(
         return Err(format!(
             "reading noise is {share:.2} of what the recorded states do in some direction (limit \
             {SHARE}): a model fitted to them would decay too fast"
+        ));
+    }
+    let common = noise.shared_with_outputs(&model);
+    if common > COMMON {
+        return Err(format!(
+            "what drives the states is nearly the outputs' noise (correlation {common:.2}, limit \
+            {COMMON}): an input is not known, or x is not the whole state"
         ));
     }
     let driving = Driving::of_recording(scaling, model, (noise.Q, noise.R))

@@ -52,6 +52,28 @@ impl RecordedNoise {
         best.map_or_else(|| split(model, &readings, 1.0), |(_, found)| found)
     }
 
+    /// The largest correlation of what drives the states with the outputs' noise: the largest
+    /// canonical one of ε and s, but for what reading noise makes of it, A N Cᵀ. Near 1 they are one
+    /// signal; the weights of the recording take them for two.
+    pub fn shared_with_outputs(&self, model: &LinearModel) -> f64 {
+        let factor = |mut S: Mat<f64>| {
+            let size = S.diagonal().column_vector().iter().copied().fold(0.0, f64::max);
+            let floor = (LEAST_NOISE * size).max(f64::MIN_POSITIVE);
+            (0..S.nrows()).for_each(|i| S[(i, i)] += floor.max(1e-12 * S[(i, i)]));
+            S.llt(Side::Lower).ok()
+        };
+        let both = model.of_both() - &model.A * &self.N * model.C.transpose();
+        let (Some(L), Some(L_s)) = (factor(model.of_states()), factor(model.of_outputs())) else {
+            return 0.0;
+        };
+        let mut half = both;
+        L.L().solve_lower_triangular_in_place(half.as_mut());
+        let mut whole = half.transpose().to_owned();
+        L_s.L().solve_lower_triangular_in_place(whole.as_mut());
+        let values = whole.singular_values();
+        values.ok().and_then(|values| values.first().copied()).unwrap_or(0.0)
+    }
+
     /// The largest share of reading noise in what the recorded states do, in any direction: the
     /// largest eigenvalue of N Σ_x⁻¹, Σ_x their covariance.
     pub fn share_of_states(&self, history: &History, scaling: &Scaling) -> f64 {
