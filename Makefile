@@ -43,10 +43,13 @@ test-long: setup ## the long tests, which `make test` leaves out
 fuzz: setup ## half an hour of a fuzzer for each of what reads bytes or numbers
 	tests/fuzz/run.sh 1800
 
-# The advisories come from the network; licences, bans and sources are in deny.toml.
-audit: packages ## licences and known faults of what it is built from
+# Needs `cargo install cargo-deny --locked`; advisories come from the network. Licences, bans and
+# sources are in deny.toml.
+audit: ## licences and known faults of what it is built from
 	cargo deny --locked check
-	.venv/bin/python -m pip_audit -r requirements-dev.txt
+	test -d .venv-audit || python3 -m venv .venv-audit
+	.venv-audit/bin/pip install --quiet --disable-pip-version-check pip-audit==2.10.1
+	.venv-audit/bin/pip-audit --no-deps --disable-pip -r requirements-dev.txt
 
 lint: rust-components packages ## formatting, clippy, rustdoc, ruff, mypy
 	cargo fmt --all --check
@@ -129,7 +132,7 @@ study-reproduction: setup ## every experiment of both papers; docs/claims.md and
 	cp ddmhe-reproduce/tables.md docs/reproduce-tables.md
 
 clean: ## removes everything that was made
-	rm -rf .venv .venv-peers target dist python/ddmhe/_core*.so
+	rm -rf .venv .venv-audit .venv-peers target dist python/ddmhe/_core*.so
 	rm -rf ddmhe-demo ddmhe-design ddmhe-tune ddmhe-reproduce ddmhe-interval
 	rm -rf .mypy_cache .pytest_cache .ruff_cache
 	find python tests -name __pycache__ -prune -exec rm -rf {} +

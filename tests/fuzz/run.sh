@@ -10,7 +10,7 @@ shift
 
 root=$PWD
 (cd tests/fuzz && RUSTC_WRAPPER="$root/tests/fuzz/marked.sh" \
-    cargo build --release --locked --target-dir "$root/target")
+    cargo build --release --locked --target-dir "$root/target/fuzz")
 for target; do
     case $target in
     history) longest=600 ;;
@@ -24,7 +24,7 @@ for target; do
     elif [ "$target" = log ]; then
         set -- .venv/bin/python tests/fuzz/log.py
     else
-        set -- "target/release/$target"
+        set -- "target/fuzz/release/$target"
     fi
     said=target/fuzz-found/$target.txt
     "$@" "$learnt" "tests/fuzz/corpus/$target" -max_total_time="$seconds" -timeout=60 \

@@ -15,7 +15,9 @@ use crate::excitation::check_excitation;
 use crate::first_window::{filled, first_window};
 use crate::history::History;
 use crate::inputs::InputWatch;
-use crate::magnitude::{check_reach, check_ridge, check_scales, check_sizes, check_weights};
+use crate::magnitude::{
+    check_reach, check_rest, check_ridge, check_scales, check_sizes, check_weights,
+};
 use crate::plan_builder::{Draft, Ground, Prepared, factorisation};
 use crate::process_noise::driving;
 use crate::recorded_default;
@@ -461,8 +463,8 @@ pub(crate) fn prepared(history: &History, config: &Config) -> Result<(Scaling, D
     check_scales(&scaling)?;
     check_reach("x_prior", &scaling, config.x_prior.as_deref().unwrap_or(&[]), &[])?;
     let rest = config.rest();
-    if let Some(Rest { x, y, .. }) = rest {
-        check_reach("equilibrium", &scaling, x, y)?;
+    if let Some(rest) = rest {
+        check_rest(&scaling, rest)?;
     }
     let rule = Defaults::new(history, &scaling, rest);
     Ok((scaling, rule))

@@ -6,6 +6,7 @@ use crate::history::History;
 use crate::scaling::Scaling;
 use crate::space::Space;
 use crate::tol;
+use crate::variation::Rest;
 use crate::weights::Weights;
 
 /// One signal of a recording, time-major.
@@ -16,9 +17,12 @@ type Signal = fn(&History, usize) -> &[f64];
 pub(crate) fn check_sizes(history: &History) -> Result<(), Error> {
     let (least, most) = tol::SIZES;
     let fits = |v: &f64| *v == 0.0 || (least..=most).contains(v);
-    for (name, of, width) in
-        [("x", History::states as Signal, history.n()), ("y", History::outputs, history.p())]
-    {
+    let signals: [(_, Signal, _); 3] = [
+        ("x", History::states, history.n()),
+        ("y", History::outputs, history.p()),
+        ("u", History::inputs, history.m()),
+    ];
+    for (name, of, width) in signals.into_iter().filter(|(.., width)| *width > 0) {
         let mut largest = vec![0.0_f64; width];
         for row in (0..history.recordings()).flat_map(|k| of(history, k).chunks_exact(width)) {
             largest.iter_mut().zip(row).for_each(|(largest, v)| *largest = largest.max(v.abs()));
@@ -97,6 +101,12 @@ pub(crate) fn check_ridge(weights: &Weights, config: &Config, lambda: f64) -> Re
     Err(Error::value("space", expected, format!("{weight:e}")))
 }
 
+/// A known rest that is not beyond [`MEASURABLE`](tol::MEASURABLE), nor its inputs.
+pub(crate) fn check_rest(scaling: &Scaling, Rest { x, y, u }: Rest<'_>) -> Result<(), Error> {
+    check_reach("equilibrium", scaling, x, y)?;
+    within_reach("equilibrium", scaling.input_deviations(u), |k| u[k])
+}
+
 /// A state or an output (either may be empty) that is not beyond [`MEASURABLE`](tol::MEASURABLE).
 pub(crate) fn check_reach(
     argument: &'static str,
@@ -104,14 +114,24 @@ pub(crate) fn check_reach(
     x: &[f64],
     y: &[f64],
 ) -> Result<(), Error> {
-    match scaling.deviations(x, y).position(|v| !(v.abs() <= tol::MEASURABLE)) {
+    let number = |k: usize| if k < x.len() { x[k] } else { y[k - x.len()] };
+    within_reach(argument, scaling.deviations(x, y), number)
+}
+
+/// The first number whose deviation is beyond reach is named.
+fn within_reach(
+    argument: &'static str,
+    mut deviations: impl Iterator<Item = f64>,
+    number: impl Fn(usize) -> f64,
+) -> Result<(), Error> {
+    match deviations.position(|v| !(v.abs() <= tol::MEASURABLE)) {
         None => Ok(()),
         Some(k) => {
             let expected = format!(
                 "at most {:.1e} standard deviations of the recording from its mean",
                 tol::MEASURABLE
             );
-            Err(Error::value(argument, expected, if k < x.len() { x[k] } else { y[k - x.len()] }))
+            Err(Error::value(argument, expected, number(k)))
         }
     }
 }

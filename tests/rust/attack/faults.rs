@@ -2,7 +2,9 @@
 
 use super::check::{bits, of};
 use crate::systems::{modes, noise};
-use ddmhe_core::{Config, DdMhe, History, ProcessNoise, Signals, Start, Step, Weighting};
+use ddmhe_core::{
+    Config, DdMhe, Equilibrium, Error, History, ProcessNoise, Signals, Start, Step, Weighting,
+};
 
 /// A noisy recording with known inputs, and the outputs and inputs that follow it.
 fn driven() -> (History, Vec<f64>, Vec<f64>) {
@@ -52,4 +54,25 @@ fn a_snapshot_before_the_first_step_goes_on_as_the_estimator() {
             }
         }
     }
+}
+
+/// Inputs of a rest that cannot be computed with made windows of NaN.
+#[test]
+fn a_rest_beyond_reach_is_refused() {
+    let (history, ..) = driven();
+    for value in [f64::MAX, -1e300, 1e40] {
+        let rest = Equilibrium { x: vec![0.0; 2], y: vec![0.0; 2], u: vec![0.0, value] };
+        let config = Config { equilibrium: Some(rest), ..recorded(Start::State) };
+        let found = DdMhe::new(&history, config).err();
+        assert!(matches!(found, Some(Error::Value { argument: "equilibrium", .. })), "{found:?}");
+    }
+}
+
+/// Recorded inputs that cannot be computed with did, too.
+#[test]
+fn recorded_inputs_beyond_computing_are_refused() {
+    let (history, ..) = driven();
+    let u: Vec<f64> = noise(4, 80, 1e200);
+    let found = DdMhe::new(&history.with_inputs(2, &u).unwrap(), Config::default()).err();
+    assert!(found.is_some_and(|e| e.to_string().contains("u1 of magnitudes")));
 }
