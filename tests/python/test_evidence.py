@@ -114,14 +114,16 @@ def test_evidence_changes_no_estimate_and_a_step_is_a_row_of_a_run(weights):
     for name in ("x", "cost", "active", "iterations"):
         assert np.array_equal(getattr(log, name), getattr(without, name))
     assert without.covariance is without.std is without.trusted is without.evidence is None
-    assert bare.estimate.covariance is None and bare.promise is None
+    assert bare.estimate.covariance is None
+    assert bare.promise is None
     est.reset()
     for k, y in enumerate(Y):
         if k == 37:  # also through a snapshot, a copy and a pickle
             est = pickle.loads(pickle.dumps(copy.copy(ddmhe.DdMhe.restore(est.snapshot()))))
         e = est.step(y)
         assert np.array_equal(e.covariance, log.covariance[k])
-        assert np.array_equal(e.std, log.std[k]) and int(e.reasons) == log.reasons[k]
+        assert np.array_equal(e.std, log.std[k])
+        assert int(e.reasons) == log.reasons[k]
         assert e.trusted == log.trusted[k]
         assert e.evidence.value == log.evidence.value[k]
         assert np.array_equal(e.evidence.innovation, log.evidence.innovation[k], equal_nan=True)
@@ -146,7 +148,8 @@ def test_lost_outputs_widen_the_bars():
             assert np.array_equal(log.covariance[:60], whole.covariance[:60])
             wider.append((log.std[65] / whole.std[65]).min())
             inside.extend((np.abs(log.x - case.x[1:]) < 3 * log.std)[60:75].ravel())
-    assert np.min(wider) > 0.8 and np.mean(np.array(wider) > 1) > 0.8
+    assert np.min(wider) > 0.8
+    assert np.mean(np.array(wider) > 1) > 0.8
     assert np.mean(inside) > 0.985
 
 
@@ -186,8 +189,10 @@ def test_where_nothing_is_measured_the_bars_grow_to_the_spread_and_cover():
     log = ddmhe.DdMhe(history, weights="scaled").run(np.full_like(Y, np.nan))
     assert (np.abs(log.x - truth) < 3 * log.std).mean() > 0.97
     spread = history.recordings[0][0].std(axis=0)
-    assert (log.std[10] < 0.1 * spread).all() and (log.std[-1] > 0.5 * spread).all()
-    assert log.reasons[-1] & ddmhe.Reason.UNCERTAIN and not log.trusted[-1]
+    assert (log.std[10] < 0.1 * spread).all()
+    assert (log.std[-1] > 0.5 * spread).all()
+    assert log.reasons[-1] & ddmhe.Reason.UNCERTAIN
+    assert not log.trusted[-1]
     assert not (log.reasons & ddmhe.Reason.NOVEL).any()  # there is nothing to be new
 
 
@@ -197,12 +202,14 @@ def test_the_demo_rises_its_flag_before_the_error_does():
     log = est.run(Y)
     error = np.abs(log.x - truth)
     first = int(np.argmin(log.trusted))
-    assert 100 <= first <= 200 and not log.trusted[first:].any()
+    assert 100 <= first <= 200
+    assert not log.trusted[first:].any()
     # up to then errors are a small part of what the recorded states deviate by
     assert (error[:first] < 0.25 * history.recordings[0][0].std(axis=0)).all()
     assert (error < 3 * log.std).mean() > 0.95
     words = [w for w in est.warnings if "unlike the recording" in w]
-    assert len(words) == 1 and f"(step {first + 1})" in words[0]
+    assert len(words) == 1
+    assert f"(step {first + 1})" in words[0]
 
 
 def test_a_stuck_output_and_a_state_outside_are_told():
@@ -213,8 +220,10 @@ def test_a_stuck_output_and_a_state_outside_are_told():
     est = ddmhe.DdMhe(case.history, weights="scaled")
     log = est.run(Y)
     stuck = log.evidence.stuck
-    assert not stuck[:, 0].any() and not stuck[:39].any()
-    assert stuck[39:60, 1].all() and not stuck[60:].any()
+    assert not stuck[:, 0].any()
+    assert not stuck[:39].any()
+    assert stuck[39:60, 1].all()
+    assert not stuck[60:].any()
     assert ((log.reasons & ddmhe.Reason.STUCK != 0) == stuck.any(axis=1)).all()
     assert any("output 1" in w and "(step 40)" in w for w in est.warnings)
     est = ddmhe.DdMhe(case.history, weights="scaled")
@@ -222,7 +231,8 @@ def test_a_stuck_output_and_a_state_outside_are_told():
     x = case.history.recordings[0][0]
     more = 0.25 * np.ptp(x, axis=0)
     outside = ((log.x < x.min(axis=0) - more) | (log.x > x.max(axis=0) + more)).any(axis=1)
-    assert outside.any() and not outside.all()
+    assert outside.any()
+    assert not outside.all()
     assert np.array_equal(log.reasons & ddmhe.Reason.OUTSIDE != 0, outside)
     only = log.reasons == ddmhe.Reason.OUTSIDE
     assert log.trusted[only].all()
@@ -256,7 +266,8 @@ def test_drift_widens_what_outputs_do_not_show():
     plain, wide = est.run(case.Y), drifting.run(case.Y)
     assert np.array_equal(plain.x, wide.x)
     grown = np.einsum("tii->ti", wide.covariance - plain.covariance)
-    assert (grown[0] >= np.diag(W) * (1 - 1e-9)).all() and (grown > 0).all()
+    assert (grown[0] >= np.diag(W) * (1 - 1e-9)).all()
+    assert (grown > 0).all()
 
 
 def test_active_bounds_raise_V_and_the_bars():
@@ -267,7 +278,8 @@ def test_active_bounds_raise_V_and_the_bars():
     first = int(np.argmax(log.active > 0))
     assert (log.active > 0).any()
     assert log.evidence.value[first] > free.evidence.value[first]
-    assert (log.evidence.value[log.active > 0] > 0).all() and np.isfinite(log.covariance).all()
+    assert (log.evidence.value[log.active > 0] > 0).all()
+    assert np.isfinite(log.covariance).all()
 
 
 @pytest.mark.parametrize(

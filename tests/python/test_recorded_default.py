@@ -96,8 +96,7 @@ def test_the_default_reads_one_recording_as_it_reads_several():
 
 @pytest.mark.parametrize("hidden", ["input", "state"])
 def test_where_one_signal_drives_states_and_outputs_they_are_refused(hidden):
-    """A white input that is handed over as an output, a state that is not recorded: each drives what
-    is left of the states and of the outputs."""
+    """A white input that is handed over as an output, a state that is not recorded."""
     refused = 0
     for seed in range(10):
         rng = np.random.default_rng(700 + seed)

@@ -14,25 +14,26 @@
 //!
 //! *The weights of the recording* need no windows that are held out: see [`model`].
 
+mod cloud;
+pub(crate) mod maps;
 pub(crate) mod model;
 pub(crate) mod replay;
 
 use crate::config::Config;
-use crate::covariance::inverse_factor;
 use crate::driving::Driving;
 use crate::error::Error;
 use crate::history::History;
 use crate::recorded_default::shape;
-use crate::reduction::Reduced;
 use crate::scaling::{EXACT, Scaling};
 use crate::variation::fifth_differences;
-use crate::weights::Weights;
+use cloud::away;
 use ddmhe_run::evidence::Rule;
 use ddmhe_run::evidence::formulas::inflation;
 use ddmhe_run::layout::Layout;
 use faer::Mat;
+use maps::Maps;
 use model::ModelNumbers;
-use replay::{Replayed, Setup, deleted, folds, replay};
+use replay::{Replayed, Setup, replay};
 
 /// A window is novel above so many times the largest V of held-out windows.
 const NOVEL: f64 = 3.0;
@@ -42,8 +43,6 @@ const SPREAD: f64 = 0.5;
 const PROMISE: f64 = 3.0;
 /// Share of held-out errors within three deviations.
 const COVERED: f64 = 0.997;
-/// Of the largest distance of recorded states, from where on leaving them counts.
-const FAR: f64 = 0.7;
 /// Held-out errors grow where those of the last third of a stretch are so many times the first's.
 const GROWS: f64 = 1.5;
 /// They are taken to grow by this at least where the motion is curved and noise hides it.
@@ -52,9 +51,6 @@ const HIDDEN: f64 = 3.0;
 const PATIENCE: (f64, f64) = (10.0, 3.0);
 /// Of its range, how far a channel may leave it.
 const BEYOND: f64 = 0.25;
-/// Standard deviations that a V of stated noise may be above its mean, by Wilson and Hilferty: once
-/// in a million windows.
-const RARE: f64 = 4.75;
 
 /// What windows of one depth are measured by, in scaled units.
 #[derive(Debug, Clone)]
@@ -159,58 +155,6 @@ impl Reference {
     }
 }
 
-/// Σ_x⁻¹ / (.7 D_most) in scaled units: how far a state has left the recorded ones.
-fn away(history: &History, scaling: &Scaling) -> Mat<f64> {
-    let n = history.n();
-    let all = 0..history.recordings();
-    let own = Cloud::new(all.clone().flat_map(|i| history.states(i).chunks_exact(n)), scaling);
-    let recorded = all.flat_map(|i| history.states(i).chunks_exact(n));
-    let most = recorded.map(|x| own.distance(x, scaling)).fold(0.0, f64::max);
-    let held = folds(history).iter().map(|fold| fold.farthest(scaling)).fold(0.0, f64::max);
-    let most = (FAR * most.max(held)).max(f64::MIN_POSITIVE);
-    own.inverse * faer::Scale(1.0 / most)
-}
-
-/// States by their mean and covariance, in scaled units.
-pub(crate) struct Cloud {
-    mean: Vec<f64>,
-    inverse: Mat<f64>,
-}
-
-impl Cloud {
-    /// Of states in the user's units.
-    pub fn new<'a>(states: impl Iterator<Item = &'a [f64]>, scaling: &Scaling) -> Self {
-        let scaled: Vec<Vec<f64>> = states.map(|x| scaling.deviations(x, &[]).collect()).collect();
-        let (n, count) = (scaling.s_x.len(), scaled.len() as f64);
-        let mean: Vec<f64> =
-            (0..n).map(|i| scaled.iter().map(|x| x[i]).sum::<f64>() / count).collect();
-        let moment = |i: usize, j: usize| {
-            scaled.iter().map(|x| (x[i] - mean[i]) * (x[j] - mean[j])).sum::<f64>() / count
-        };
-        let mut S = Mat::from_fn(n, n, moment);
-        let trace = S.diagonal().column_vector().iter().sum::<f64>();
-        let floor = LEAST_SPREAD * trace / n as f64;
-        (0..n).for_each(|i| S[(i, i)] += floor.max(f64::MIN_POSITIVE.sqrt()));
-        let inverse = match inverse_factor(&S) {
-            Some(U) => U.transpose() * &U,
-            None => Mat::zeros(n, n),
-        };
-        Cloud { mean, inverse }
-    }
-
-    /// D of a state in the user's units.
-    pub fn distance(&self, x: &[f64], scaling: &Scaling) -> f64 {
-        let d: Vec<f64> =
-            scaling.deviations(x, &[]).zip(&self.mean).map(|(x, mean)| x - mean).collect();
-        let row =
-            |i: usize| d.iter().enumerate().map(|(j, d)| self.inverse[(i, j)] * d).sum::<f64>();
-        d.iter().enumerate().map(|(i, d)| d * row(i)).sum()
-    }
-}
-
-/// Added to a covariance of states, in units of the mean of its diagonal.
-const LEAST_SPREAD: f64 = 1e-9;
-
 /// How held-out errors grow with the time since what they were made from: 2q, .1 T and T, q = 0 where
 /// they do not. Thirds of a stretch of .2 T lie at 1 : 5, so g = 5^q.
 fn growth(
@@ -286,89 +230,6 @@ impl Replayed {
         let mean = |i: usize| self.errors.iter().map(|e| e[i] * e[i]).sum::<f64>();
         (0..n).map(|i| (mean(i) / self.errors.len() as f64).sqrt()).collect()
     }
-}
-
-/// How the answer of one depth depends on x̄ and on the outputs, in scaled units.
-pub(crate) struct Maps {
-    carry: Mat<f64>,    // Φ (n × n)
-    deleted: Mat<f64>,  // (p × p)
-    of_prior: Mat<f64>, // what an error of x̄ makes of the innovation (p × n)
-    noise: Noise,
-}
-
-/// What stated noise adds.
-struct Noise {
-    error: Mat<f64>,      // to Q₀ (n × n)
-    innovation: Vec<f64>, // to the variances of the innovations (p)
-    V: [f64; 2],          // mean and variance of V of it alone
-}
-
-impl Maps {
-    /// `noise`: variances of the outputs beyond what the recording has (p).
-    pub fn new(layout: Layout, reduced: &Reduced, weights: &Weights, noise: &[f64]) -> Self {
-        let (n, p, K) = (layout.n, layout.p, &reduced.K);
-        let rows = |first: usize, count: usize| reduced.A.subrows(first, count);
-        let (last, newest) = (layout.x(layout.depth).start, layout.y(layout.depth - 1).start);
-        let carry = rows(last, n) * K.subcols(0, n);
-        let deleted = deleted(reduced, layout);
-        let of_prior = &deleted * (rows(newest, p) * K.subcols(0, n));
-        let noise = Noise::new(layout, reduced, weights, (&deleted, noise));
-        Maps { carry, deleted, of_prior, noise }
-    }
-}
-
-impl Noise {
-    fn new(
-        layout: Layout,
-        Reduced { K, A, .. }: &Reduced,
-        weights: &Weights,
-        (deleted, noise): (&Mat<f64>, &[f64]),
-    ) -> Self {
-        let (n, p, m) = (layout.n, layout.p, layout.depth);
-        let none = Noise { error: Mat::zeros(n, n), innovation: vec![0.0; p], V: [0.0; 2] };
-        if noise.iter().all(|variance| *variance == 0.0) {
-            return none;
-        }
-        let (last, newest) = (layout.x(m).start, layout.y(m - 1).start);
-        let K_y = K.subcols(n, m * p);
-        let (gain, of_newest) = (A.subrows(last, n) * K_y, A.subrows(newest, p) * K_y);
-        let of = |k: usize| noise[k % p];
-        let sum = |a: &dyn Fn(usize) -> f64| (0..m * p).map(|k| of(k) * a(k)).sum::<f64>();
-        let error = Mat::from_fn(n, n, |i, j| sum(&|k| gain[(i, k)] * gain[(j, k)]));
-        let left = Mat::from_fn(p, m * p, |i, k| {
-            f64::from(u8::from(k == (m - 1) * p + i)) - of_newest[(i, k)]
-        });
-        let own = deleted * left;
-        let innovation = (0..p).map(|i| sum(&|k| own[(i, k)] * own[(i, k)])).collect();
-        // V = yᵀW (I - H) y
-        let (mut mean, mut variance) = (0.0, 0.0);
-        for k in 0..m {
-            let W = weights.noise(m - k, &vec![true; p]);
-            let W = W.transpose() * &W;
-            let y = layout.y(k).start;
-            for i in 0..p {
-                let column = K_y.col(k * p + i);
-                let fitted = |l: usize| A.row(y + l) * column;
-                let own = W[(i, i)] - (0..p).map(|l| W[(i, l)] * fitted(l)).sum::<f64>();
-                mean += noise[i] * own;
-                variance += 2.0 * (noise[i] * own).powi(2);
-            }
-        }
-        let unit = weights.unit;
-        Noise { error, innovation, V: [unit * mean, unit * unit * variance] }
-    }
-
-    /// What V of it is above once in a million windows, as if it were χ² (Wilson and Hilferty).
-    fn rare(&self) -> f64 {
-        let [mean, variance] = self.V;
-        if mean > 0.0 { rare(mean, 2.0 * mean * mean / variance) } else { 0.0 }
-    }
-}
-
-/// What a χ² of these degrees, scaled to this mean, exceeds once in a million times.
-fn rare(mean: f64, degrees: f64) -> f64 {
-    let part = 2.0 / (9.0 * degrees);
-    mean * (1.0 - part + RARE * part.sqrt()).powi(3)
 }
 
 /// What a depth is measured by, in the user's units: see [`ddmhe_run::evidence::OfDepth`].

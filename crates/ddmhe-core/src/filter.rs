@@ -6,10 +6,12 @@
 //! only share the decomposition of the windows. Numbers agree with [`DdMhe`](crate::DdMhe) to
 //! rounding; what goes beyond numbers that can be computed with is left to it.
 
-use crate::config::{Config, ProcessNoise, Start, validate};
+use crate::choices::{guarded, prepared, select};
+use crate::config::{Config, ProcessNoise, Start};
+use crate::config_checks::validate;
 use crate::defaults::Defaults;
 use crate::depths::depths;
-use crate::design::{Design, guarded, prepared, select};
+use crate::design::Design;
 use crate::error::Error;
 use crate::excitation::check_excitation;
 use crate::first_window::filled;

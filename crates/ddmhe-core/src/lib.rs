@@ -86,7 +86,9 @@
 
 mod certificate;
 mod challenge;
+mod choices;
 mod config;
+mod config_checks;
 mod covariance;
 pub mod defaults;
 mod depths;

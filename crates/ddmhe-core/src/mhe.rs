@@ -3,10 +3,8 @@
 //! What is computed at construction is a [`Design`]; what changes from step to step is a [`Run`].
 
 use crate::check::check_vector;
-use crate::config::{
-    Bounds, Config, Settings, Start, check_beside, check_box, check_measured, check_output,
-    check_start,
-};
+use crate::config::{Bounds, Config, Settings, Start};
+use crate::config_checks::{check_beside, check_box, check_measured, check_output, check_start};
 use crate::design::Design;
 use crate::error::Error;
 use crate::estimate::{Estimate, Log};

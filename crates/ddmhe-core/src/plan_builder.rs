@@ -4,8 +4,9 @@
 use crate::config::Bounds;
 use crate::driving::Driving;
 use crate::error::Error;
+use crate::evidence::maps::Maps;
 use crate::evidence::model::ModelNumbers;
-use crate::evidence::{Calibration, Maps, PlanNumbers};
+use crate::evidence::{Calibration, PlanNumbers};
 use crate::first_window::Samples;
 use crate::reduction::{Reduced, reduce};
 use crate::response::OwnResponse;

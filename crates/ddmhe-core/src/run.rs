@@ -3,7 +3,8 @@
 //! A step is a [`Pass`] of [`ddmhe_run::stepper`], which tells what becomes of windows without a
 //! minimiser. What a step of that crate cannot do in flight, [`Fallbacks`] does here.
 
-use crate::config::{Bounds, Start, check_measured};
+use crate::config::{Bounds, Start};
+use crate::config_checks::check_measured;
 use crate::design::Design;
 use crate::doubts::Doubts;
 use crate::error::Error;

@@ -43,7 +43,7 @@ pub fn bits<'a>(numbers: impl IntoIterator<Item = &'a f64>) -> Vec<u64> {
 
 /// This estimate's bits.
 pub fn of(e: &Estimate) -> Bits {
-    let numbers = [&e.x, &e.window, &e.v, &e.w, &vec![e.cost]].map(|part| bits(part)).concat();
+    let numbers = [&e.x, &e.window, &e.v, &e.w, &vec![e.cost]].map(bits).concat();
     (numbers, e.bound.map(f64::to_bits), e.status, e.active)
 }
 

@@ -8,7 +8,7 @@
 
 use crate::driving::Driving;
 use crate::error::Error;
-use crate::evidence::Cloud;
+use crate::evidence::cloud::Cloud;
 use crate::history::History;
 use crate::plan_builder::factorisation;
 use crate::reduction::{Reduced, reduce};
