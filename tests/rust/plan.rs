@@ -34,8 +34,9 @@ impl Flash {
     }
 }
 
-/// A step as it can be compared: the bits of x, window, v and cost; status and active bounds.
-type Step = ([Vec<u64>; 3], u64, Status, usize);
+/// A step as it can be compared: the bits of x, window, v and cost; status and active bounds; the
+/// bits of covariance, innovation, its variance and value, and reasons.
+type Step = ([Vec<u64>; 3], u64, Status, usize, Option<([Vec<u64>; 4], u8)>);
 
 fn bits(numbers: &[f64]) -> Vec<u64> {
     // which NaN stands for "not measured" says nothing
@@ -45,7 +46,12 @@ fn bits(numbers: &[f64]) -> Vec<u64> {
 fn flown(stepper: &mut Stepper<'_, '_>, outputs: &[f64]) -> Vec<Step> {
     let step = |y| {
         let e = stepper.step(y).unwrap();
-        ([bits(e.x), bits(e.window), bits(e.v)], e.cost.to_bits(), e.status, e.active)
+        let evidence = e.evidence.map(|own| {
+            let value = &[own.value];
+            let numbers = [own.covariance, own.innovation, own.innovation_variance, &value[..]];
+            (numbers.map(bits), own.reasons.bits())
+        });
+        ([bits(e.x), bits(e.window), bits(e.v)], e.cost.to_bits(), e.status, e.active, evidence)
     };
     outputs.chunks_exact(3).map(step).collect()
 }
@@ -53,7 +59,12 @@ fn flown(stepper: &mut Stepper<'_, '_>, outputs: &[f64]) -> Vec<Step> {
 fn on_the_ground(mhe: &mut DdMhe, outputs: &[f64]) -> Vec<Step> {
     let step = |y| {
         let e = mhe.step(y).unwrap();
-        ([bits(&e.x), bits(&e.window), bits(&e.v)], e.cost.to_bits(), e.status, e.active)
+        let evidence = e.evidence.as_ref().map(|own| {
+            let value = &[own.value];
+            let numbers = [&own.covariance, &own.innovation, &own.innovation_variance, &value[..]];
+            (numbers.map(bits), own.reasons.bits())
+        });
+        ([bits(&e.x), bits(&e.window), bits(&e.v)], e.cost.to_bits(), e.status, e.active, evidence)
     };
     outputs.chunks_exact(3).map(step).collect()
 }

@@ -43,7 +43,12 @@ pub fn bits<'a>(numbers: impl IntoIterator<Item = &'a f64>) -> Vec<u64> {
 
 /// This estimate's bits.
 pub fn of(e: &Estimate) -> Bits {
-    let numbers = [&e.x, &e.window, &e.v, &e.w, &vec![e.cost]].map(bits).concat();
+    let mut numbers = [&e.x, &e.window, &e.v, &e.w, &vec![e.cost]].map(bits).concat();
+    if let Some(own) = &e.evidence {
+        let parts = [&own.covariance, &own.innovation, &own.innovation_variance, &vec![own.value]];
+        numbers.extend(parts.map(bits).concat());
+        numbers.push(u64::from(own.reasons.bits()));
+    }
     (numbers, e.bound.map(f64::to_bits), e.status, e.active)
 }
 
@@ -55,6 +60,11 @@ fn step_of(sample: &Sample) -> Step<'_> {
 fn is_sound(e: &Estimate) {
     let finite = |numbers: &[f64]| numbers.iter().all(|x| x.is_finite());
     assert!(finite(&e.x) && finite(&e.window), "{:?}: {:?} {:?}", e.status, e.x, e.window);
+    if let Some(own) = &e.evidence {
+        assert!(finite(&own.covariance), "{:?}", own.covariance);
+        let n = e.x.len();
+        assert!((0..n).all(|i| own.covariance[i * n + i] >= 0.0), "{:?}", own.covariance);
+    }
     if e.status == Status::Optimal {
         assert!(e.cost.is_finite() && finite(&e.w), "cost {} w {:?}", e.cost, e.w);
         assert!(!e.v.iter().any(|v| v.is_infinite()), "{:?}", e.v);
@@ -186,9 +196,15 @@ fn flies(new: &DdMhe, taken: &[Sample], found: &[Bits]) -> usize {
         if e.status != Status::Optimal {
             return k; // in flight there is no solver to ask
         }
-        let parts = [bits(e.x), bits(e.window), bits(e.v), bits(e.w), bits([&e.cost])];
+        let mut parts = [bits(e.x), bits(e.window), bits(e.v), bits(e.w), bits([&e.cost])].concat();
+        if let Some(own) = e.evidence {
+            let value = [own.value];
+            let of = [own.covariance, own.innovation, own.innovation_variance, &value[..]];
+            parts.extend(of.map(bits).concat());
+            parts.push(u64::from(own.reasons.bits()));
+        }
         let (numbers, _, status, active) = &found[k];
-        let same = (parts.concat(), e.status, e.active) == (numbers.clone(), *status, *active);
+        let same = (parts, e.status, e.active) == (numbers.clone(), *status, *active);
         assert!(same, "in flight, step {k}");
     }
     taken.len()
