@@ -29,7 +29,8 @@ pub fn recorded(n: usize, T: usize, steps: usize) -> (History, Vec<f64>) {
 
 /// Settings of all measurements.
 pub fn config(horizon: usize, space: Space) -> Config {
-    Config { horizon: Some(horizon), rho: Some(0.95), mu: Some(0.1), space, ..Config::default() }
+    let (rho, mu) = (Some(0.95), Some(0.1));
+    Config { horizon: Some(horizon), rho, mu, space, evidence: false, ..Config::default() }
 }
 
 /// The box ± size.

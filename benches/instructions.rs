@@ -27,6 +27,8 @@ fn main() {
     let config = match regime.as_str() {
         "free-10-5" => wide(case(10, 5)),
         "free-50-20" => wide(case(50, 20)),
+        "judged-10-5" => Config { evidence: true, ..wide(case(10, 5)) },
+        "judged-50-20" => Config { evidence: true, ..wide(case(50, 20)) },
         "active-20-20" => Config { v_bounds: within(0.055, 3), ..case(20, 20) },
         "missing-20-5" => {
             (0..outputs.len()).step_by(29).for_each(|k| outputs[k] = f64::NAN);

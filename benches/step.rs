@@ -160,6 +160,13 @@ fn step(c: &mut Criterion) {
             &outputs,
         );
         cold(c, &id, build(config(M, space)), &few, &outputs);
+        let judged = Config {
+            x_bounds: within(1e3, n),
+            v_bounds: within(1e3, n),
+            evidence: true,
+            ..config(M, space)
+        };
+        time(c, "judged", &id, build(judged), &outputs);
         // the same outputs for ever: the same window and the same active set at every step
         let still = outputs[..n].repeat(600);
         let cap =

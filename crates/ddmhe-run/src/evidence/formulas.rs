@@ -44,26 +44,73 @@ pub fn chi_square(degrees: f64) -> f64 {
 /// Σ_x⁻¹ / D_most (n × n).
 #[inline(always)]
 pub fn distance(away: &[f64], deviation: &[f64]) -> f64 {
-    let rows = away.chunks_exact(deviation.len());
-    rows.zip(deviation).map(|(row, d)| d * dot(row, deviation)).sum()
+    form(deviation, away)
 }
 
-/// L Σ Lᵀ for Σ (n × n, symmetric) and L of rows of n, into `out`; `work` is for as many numbers
-/// as L has.
+/// L Σ Lᵀ for Σ (n × n, symmetric) and L of n rows, into `out`; `work` is for n × n numbers.
 #[inline(always)]
 pub fn sandwich(L: &[f64], sigma: &[f64], n: usize, work: &mut [f64], out: &mut [f64]) {
-    let rows = L.len() / n;
-    for (row, work) in L.chunks_exact(n).zip(work.chunks_exact_mut(n)) {
-        for (j, entry) in work.iter_mut().enumerate() {
-            *entry = dot(row, &sigma[j * n..(j + 1) * n]);
+    // the loops of small systems are unrolled
+    match n {
+        1 => fixed::<1>(L, sigma, out),
+        2 => fixed::<2>(L, sigma, out),
+        3 => fixed::<3>(L, sigma, out),
+        4 => fixed::<4>(L, sigma, out),
+        _ => {
+            for (row, work) in L.chunks_exact(n).zip(work.chunks_exact_mut(n)) {
+                for (entry, column) in work.iter_mut().zip(sigma.chunks_exact(n)) {
+                    *entry = dot(row, column);
+                }
+            }
+            for (out, row) in out.chunks_exact_mut(n).zip(work.chunks_exact(n)) {
+                for (entry, column) in out.iter_mut().zip(L.chunks_exact(n)) {
+                    *entry = dot(row, column);
+                }
+            }
         }
     }
-    for i in 0..rows {
-        for j in 0..=i {
-            let entry = dot(&work[i * n..(i + 1) * n], &L[j * n..(j + 1) * n]);
-            (out[i * rows + j], out[j * rows + i]) = (entry, entry);
-        }
+}
+
+/// The same for N states.
+#[inline(always)]
+fn fixed<const N: usize>(L: &[f64], sigma: &[f64], out: &mut [f64]) {
+    let (rows, columns) = (L.as_chunks::<N>().0, sigma.as_chunks::<N>().0);
+    let (Ok(rows), Ok(columns)) =
+        (<&[[f64; N]; N]>::try_from(rows), <&[[f64; N]; N]>::try_from(columns))
+    else {
+        return;
+    };
+    for (out, row) in out.as_chunks_mut::<N>().0.iter_mut().zip(rows) {
+        let along: [f64; N] = columns.each_ref().map(|column| product(row, column));
+        *out = rows.each_ref().map(|row| product(&along, row));
     }
+}
+
+/// aᵀΣ a for Σ (n × n, symmetric).
+#[inline(always)]
+pub fn form(a: &[f64], sigma: &[f64]) -> f64 {
+    match a.len() {
+        2 => fixed_form::<2>(a, sigma),
+        3 => fixed_form::<3>(a, sigma),
+        4 => fixed_form::<4>(a, sigma),
+        n => sigma.chunks_exact(n).zip(a).map(|(row, a_i)| a_i * dot(row, a)).sum(),
+    }
+}
+
+#[inline(always)]
+fn fixed_form<const N: usize>(a: &[f64], sigma: &[f64]) -> f64 {
+    let Ok(a) = <&[f64; N]>::try_from(a) else { return 0.0 };
+    let rows = sigma.as_chunks::<N>().0;
+    rows.iter().zip(a).map(|(row, a_i)| a_i * product(row, a)).sum()
+}
+
+#[inline(always)]
+fn product<const N: usize>(a: &[f64; N], b: &[f64; N]) -> f64 {
+    let mut sum = 0.0;
+    for i in 0..N {
+        sum += a[i] * b[i];
+    }
+    sum
 }
 
 /// Σ_i M_ii w_i.

@@ -1,12 +1,12 @@
 //! The evidence on the estimates of a window: see [`evidence`](crate::evidence).
 
 use crate::evidence::formulas::{
-    WIDE, anywhere, distance, growth, inflation, join, limited, sandwich, wide,
+    WIDE, anywhere, distance, form, growth, inflation, join, limited, sandwich, wide,
 };
 use crate::evidence::{Evidence, OfDepth, OfPlan, Reasons, Rule};
 use crate::memory::considered::{FilterStep, OfFilter};
 use crate::memory::stretches::samples;
-use crate::panels::{dot, padded};
+use crate::panels::padded;
 use crate::plan::common::Sizes;
 use crate::sensitivity::Sensitivity;
 use crate::sliding::SlidingBuffer;
@@ -197,12 +197,11 @@ impl Witness {
         let own_part = self.judged.inflation.max(1.0);
         for i in 0..p {
             let row = &own.of_prior[i * n..(i + 1) * n];
-            for (j, entry) in work[..n].iter_mut().enumerate() {
-                *entry = dot(row, &prior[j * n..(j + 1) * n]);
+            variance[i] = own.innovation[i] * own_part + form(row, prior);
+            let mut sum = 0.0;
+            for (d, v) in own.deleted[i * p..(i + 1) * p].iter().zip(told.newest) {
+                sum += if v.is_nan() { 0.0 } else { d * v };
             }
-            variance[i] = own.innovation[i] * own_part + dot(row, &work[..n]);
-            let part = |(d, v): (&f64, &f64)| if v.is_nan() { 0.0 } else { d * v };
-            let sum = own.deleted[i * p..(i + 1) * p].iter().zip(told.newest).map(part).sum();
             innovation[i] = if told.newest[i].is_nan() { f64::NAN } else { sum };
         }
         self.judged.inflation = s;
