@@ -26,14 +26,14 @@ use crate::history::History;
 use crate::recorded_default::shape;
 use crate::scaling::{EXACT, Scaling};
 use crate::variation::fifth_differences;
-use cloud::away;
+use cloud::Cloud;
 use ddmhe_run::evidence::Rule;
 use ddmhe_run::evidence::formulas::inflation;
 use ddmhe_run::layout::Layout;
 use faer::Mat;
 use maps::Maps;
 use model::ModelNumbers;
-use replay::{Replayed, Setup, replay};
+use replay::{Replayed, Setup, folds, replay};
 
 /// A window is novel above so many times the largest V of held-out windows.
 const NOVEL: f64 = 3.0;
@@ -43,6 +43,8 @@ const SPREAD: f64 = 0.5;
 const PROMISE: f64 = 3.0;
 /// Share of held-out errors within three deviations.
 const COVERED: f64 = 0.997;
+/// Of the largest distance of recorded states, from where on leaving them counts.
+const FAR: f64 = 0.7;
 /// Held-out errors grow where those of the last third of a stretch are so many times the first's.
 const GROWS: f64 = 1.5;
 /// They are taken to grow by this at least where the motion is curved and noise hides it.
@@ -153,6 +155,18 @@ impl Reference {
         let innovation = innovations.diagonal().column_vector().iter().copied().collect();
         Reference { depth, levels, innovation, error }
     }
+}
+
+/// Σ_x⁻¹ / (.7 D_most) in scaled units: how far a state has left the recorded ones.
+fn away(history: &History, scaling: &Scaling) -> Mat<f64> {
+    let n = history.n();
+    let all = 0..history.recordings();
+    let own = Cloud::new(all.clone().flat_map(|i| history.states(i).chunks_exact(n)), scaling);
+    let recorded = all.flat_map(|i| history.states(i).chunks_exact(n));
+    let most = recorded.map(|x| own.distance(x, scaling)).fold(0.0, f64::max);
+    let held = folds(history).iter().map(|fold| fold.farthest(scaling)).fold(0.0, f64::max);
+    let most = (FAR * most.max(held)).max(f64::MIN_POSITIVE);
+    own.inverse * faer::Scale(1.0 / most)
 }
 
 /// How held-out errors grow with the time since what they were made from: 2q, .1 T and T, q = 0 where

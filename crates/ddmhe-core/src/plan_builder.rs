@@ -3,7 +3,6 @@
 
 use crate::config::Bounds;
 use crate::driving::Driving;
-use crate::error::Error;
 use crate::evidence::maps::Maps;
 use crate::evidence::model::ModelNumbers;
 use crate::evidence::{Calibration, PlanNumbers};
@@ -424,13 +423,4 @@ impl Ground {
         ddmhe_run::plan::seal(&mut numbers);
         numbers.iter().flat_map(|number| number.to_le_bytes()).collect()
     }
-}
-
-/// A problem that cannot be factored, in words.
-pub(crate) fn factorisation(_: SvdError) -> Error {
-    Error::rank(
-        "history",
-        "data whose singular values can be computed",
-        "data on which the decomposition does not converge",
-    )
 }

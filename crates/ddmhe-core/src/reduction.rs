@@ -4,6 +4,7 @@
 //! See [`ddmhe_run`] for the derivation. Rows of the window are interleaved here as in
 //! [`space`](crate::space): x(0), y(0), …, x(m-1), y(m-1), x(m).
 
+use crate::error::Error;
 use crate::space::TrajectorySpace;
 use crate::tol;
 use crate::weights::Weights;
@@ -219,4 +220,13 @@ fn center_gain(
     let disturbed = |i: usize| i >= r; // by nothing, as the recording has it
     let entry = |i: usize, j: usize| if disturbed(i) { 0.0 } else { K[(i, j)] * alike(j) };
     Ok(Mat::from_fn(space.rank(), y_rows.len(), entry))
+}
+
+/// A problem that cannot be factored, in words.
+pub(crate) fn factorisation(_: SvdError) -> Error {
+    Error::rank(
+        "history",
+        "data whose singular values can be computed",
+        "data on which the decomposition does not converge",
+    )
 }

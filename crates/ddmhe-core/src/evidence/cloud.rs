@@ -1,30 +1,13 @@
 //! How far a state is from the recorded ones.
 
 use crate::covariance::inverse_factor;
-use crate::evidence::replay::folds;
-use crate::history::History;
 use crate::scaling::Scaling;
 use faer::Mat;
-
-/// Of the largest distance of recorded states, from where on leaving them counts.
-const FAR: f64 = 0.7;
-
-/// Σ_x⁻¹ / (.7 D_most) in scaled units: how far a state has left the recorded ones.
-pub(crate) fn away(history: &History, scaling: &Scaling) -> Mat<f64> {
-    let n = history.n();
-    let all = 0..history.recordings();
-    let own = Cloud::new(all.clone().flat_map(|i| history.states(i).chunks_exact(n)), scaling);
-    let recorded = all.flat_map(|i| history.states(i).chunks_exact(n));
-    let most = recorded.map(|x| own.distance(x, scaling)).fold(0.0, f64::max);
-    let held = folds(history).iter().map(|fold| fold.farthest(scaling)).fold(0.0, f64::max);
-    let most = (FAR * most.max(held)).max(f64::MIN_POSITIVE);
-    own.inverse * faer::Scale(1.0 / most)
-}
 
 /// States by their mean and covariance, in scaled units.
 pub(crate) struct Cloud {
     mean: Vec<f64>,
-    inverse: Mat<f64>,
+    pub inverse: Mat<f64>,
 }
 
 impl Cloud {

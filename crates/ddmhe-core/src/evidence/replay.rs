@@ -10,7 +10,7 @@ use crate::driving::Driving;
 use crate::error::Error;
 use crate::evidence::cloud::Cloud;
 use crate::history::History;
-use crate::plan_builder::factorisation;
+use crate::reduction::factorisation;
 use crate::reduction::{Reduced, reduce};
 use crate::response::OwnResponse;
 use crate::scaling::Scaling;
