@@ -192,8 +192,9 @@ class RecordedWeights(Attack):
     )
     def made(self, seed, M, start):
         case, Q = NOISY[seed]
-        self.prior, self.known = case.x[0] + 0.1, start == "state"
-        given = {"x_prior": self.prior} if self.known else {}
+        self.prior, self.stated = case.x[0] + 0.1, start == "state"
+        self.known = self.stated
+        given = {"x_prior": self.prior} if self.stated else {}
         est = ddmhe.DdMhe(
             case.history, M, weights="recorded", process_noise=Q, start=start, **given
         )
@@ -213,7 +214,8 @@ class RecordedWeights(Attack):
         prior = self.prior if offset is None else self.prior + offset
         for est in (self.est, self.twin):
             est.reset(None if offset is None else prior)
-        self.known = self.known or offset is not None
+        # without a state it starts as it was made to
+        self.known = self.stated or offset is not None
         self.model.start(prior)
 
     @precondition(lambda self: self.U is not None)
