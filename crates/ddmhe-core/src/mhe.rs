@@ -80,8 +80,8 @@ impl DdMhe {
 
     /// Consumes y(t-1) (p numbers, NaN = this entry was not measured) and returns the estimate
     /// x̂(t). Whatever its status, x and the window are finite and, unless the status is optimal,
-    /// exactly inside the box on the states, if that is hard; see [`ddmhe_run::stepper`] for what they then are, and
-    /// for what later steps take for x̄.
+    /// exactly inside the box on the states, if that is hard; see [`ddmhe_run::stepper`] for what
+    /// they then are, and for what later steps take for x̄.
     ///
     /// # Errors
     /// [`Error::Shape`] or [`Error::NotFinite`] (infinite entry); the estimator is then unchanged.
@@ -117,8 +117,8 @@ impl DdMhe {
         self.run_until(ys.into(), &mut || false)
     }
 
-    /// [`run`](Self::run) of a log of outputs and known inputs until `stop`, asked every 50 ms or so, is true: the log then ends with
-    /// the last step made, where the estimator stands.
+    /// [`run`](Self::run) of a log of outputs and known inputs until `stop`, asked every 50 ms or so,
+    /// is true: the log then ends with the last step made, where the estimator stands.
     ///
     /// # Errors
     /// As [`run`](Self::run).
