@@ -36,7 +36,7 @@ test: setup ## all tests: Rust, then Python
 
 # Many more cases of what the tests hold: minutes, where `make test` takes a sample.
 test-long: setup ## the long tests, which `make test` leaves out
-	cargo test --workspace --release --locked -- --ignored long
+	cargo test --workspace --release --locked -- --ignored long --test-threads=1
 	$(PYTEST) -m long
 	tests/fuzz/run.sh 60
 

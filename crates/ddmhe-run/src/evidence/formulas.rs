@@ -133,11 +133,27 @@ pub fn join(A: &mut [f64], Q_0: &[f64], s: f64, per_spread: &[f64], independent:
 /// Σ, no larger than [`ANYWHERE`], which is also what becomes of one that is no number.
 #[inline(always)]
 pub fn limited(sigma: &mut [f64], per_spread: &[f64]) {
+    let n = per_spread.len();
+    if (0..n).any(|i| sigma[i * n + i] < 0.0) {
+        rounded(sigma, n);
+    }
     let size = weighted_trace(sigma, per_spread);
     if size <= ANYWHERE {
         return;
     }
     anywhere(sigma, per_spread);
+}
+
+/// A variance below 0 is rounding of larger ones: its size is what is known of that state.
+#[cold]
+fn rounded(sigma: &mut [f64], n: usize) {
+    for i in 0..n {
+        let own = sigma[i * n + i];
+        if own < 0.0 {
+            (0..n).for_each(|j| (sigma[i * n + j], sigma[j * n + i]) = (0.0, 0.0));
+            sigma[i * n + i] = -own;
+        }
+    }
 }
 
 /// The covariance of a state that may be anywhere.

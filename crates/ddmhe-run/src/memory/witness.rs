@@ -228,8 +228,10 @@ impl Witness {
         let all = depth * told.newest.len();
         let share = if told.measured == all { 1.0 } else { told.measured as f64 / all as f64 };
         let [V_0, V_most, _] = own.levels;
-        // what was not measured is taken to be as it is in held-out windows
-        self.judged.value = told.sizes[0] / V_0 + (1.0 - share);
+        // a minimum below 0 is rounding; what was not measured is taken to be as it is in held-out
+        // windows
+        let least = told.sizes[0] / V_0;
+        self.judged.value = if least < 0.0 { 0.0 } else { least } + (1.0 - share);
         self.judged.limit = V_most / V_0;
         if plan.rule == Rule::Exact {
             return self.noise_level();
