@@ -17,6 +17,8 @@ import numpy as np
 import scipy.linalg
 import scipy.stats
 
+from disturbed import fitted, stationary
+
 
 @dataclass(frozen=True)
 class Noises:
@@ -31,6 +33,13 @@ class Noises:
     R: np.ndarray
     P: np.ndarray
     """Stationary, of the error of x̂(t) before y(t)."""
+
+    @classmethod
+    def of_residuals(cls, history):
+        """Those of least squares, all of the states' residuals for that of the disturbance."""
+        model = fitted(history)
+        none, P = np.zeros_like(model.A), stationary(model, model.gamma)
+        return cls(model.A, model.e, model.C, model.r, model.gamma, none, model.R, P)
 
 
 @dataclass

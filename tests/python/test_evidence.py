@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import ddmhe
-from disturbed import Noisy, fitted, stationary
+from disturbed import Noisy, fitted
 from evidence_of_recorded import Noises, told
 from evidence_of_spaces import Evidence
 from evidence_reference import Twin
@@ -82,13 +82,9 @@ def test_with_the_weights_of_the_recording_it_is_the_reference(seed):
     case = linear(seed)
     history, Y = case.history, case.Y
     est = ddmhe.DdMhe(history, weights="recorded", process_noise="residual")
-    model, last = fitted(history), history.recordings[-1][0][-1]
-    n = len(last)
-    noises = Noises(
-        model.A, model.e, model.C, model.r, model.gamma, np.zeros((n, n)), model.R,
-        stationary(model, model.gamma),
-    )  # fmt: skip
-    found, log = told(noises, history.recordings, est.horizon, Y, last), est.run(Y)
+    last = history.recordings[-1][0][-1]
+    noises, log = Noises.of_residuals(history), est.run(Y)
+    found = told(noises, history.recordings, est.horizon, Y, last)
     scale = np.sqrt(np.einsum("tii,tjj->tij", found.Sigma, found.Sigma))
     assert np.abs((found.Sigma - log.covariance) / scale).max() < 1e-6
     np.testing.assert_allclose(log.evidence.value, found.v, rtol=1e-6)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import ddmhe
-from disturbed import Noisy, fitted, stationary
+from disturbed import Noisy
 from evidence_of_recorded import Noises, told
 from evidence_of_spaces import Evidence
 from evidence_reference import Twin
@@ -82,12 +82,7 @@ def test_the_filter_is_the_estimator(seed):
     """With the residual covariance for that of the disturbance."""
     history, Y = noisy(seed)
     est = ddmhe.DdMhe(history, weights="recorded", process_noise="residual")
-    model, last = fitted(history), history.recordings[-1][0][-1]
-    n = len(last)
-    noises = Noises(
-        model.A, model.e, model.C, model.r, model.gamma, np.zeros((n, n)), model.R,
-        stationary(model, model.gamma),
-    )  # fmt: skip
+    noises, last = Noises.of_residuals(history), history.recordings[-1][0][-1]
     found = told(noises, history.recordings, est.horizon, Y, last)
     np.testing.assert_allclose(found.x, est.run(Y).x, rtol=1e-7, atol=1e-7)
     assert (np.linalg.eigvalsh(found.Sigma - noises.P) > -1e-12).all()

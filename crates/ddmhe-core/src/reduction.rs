@@ -7,7 +7,7 @@
 use crate::error::Error;
 use crate::space::TrajectorySpace;
 use crate::tol;
-use crate::weights::Weights;
+use crate::weights::{Blocks, Weights};
 use ddmhe_run::layout::Layout;
 use faer::dyn_stack::{MemBuffer, MemStack};
 use faer::linalg::householder::{
@@ -119,9 +119,6 @@ fn rotated(qr: &Qr<f64>, z: MatRef<'_, f64>) -> Mat<f64> {
     found
 }
 
-/// Square roots of the weights with their first rows in f.
-type Blocks = Vec<(usize, Mat<f64>)>;
-
 /// The weights, and [F; G]: the weighted rows of the basis that the cost sees, and what makes the
 /// minimiser unique.
 fn stacked(
@@ -130,13 +127,7 @@ fn stacked(
     weights: &Weights,
     measured: &[bool],
 ) -> Result<(Blocks, Mat<f64>), SvdError> {
-    let Layout { n, p, depth, .. } = layout;
-    // (17): √ of 2ρ^m P on the prior, of ρ^{j-1} R on y(t-j): the block of each sample with its
-    // first row in f
-    let mut blocks = vec![(0, weights.prior(depth))];
-    blocks.extend(
-        (0..depth).map(|k| (n + k * p, weights.noise(depth - k, &measured[k * p..(k + 1) * p]))),
-    );
+    let blocks = weights.blocks(layout, measured); // (17)
     let seen: Vec<usize> = layout.seen().collect();
     let r = space.rank();
     // (16b): the window is c + B b, and the cost sees these rows of it

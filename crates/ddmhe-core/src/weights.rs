@@ -12,6 +12,9 @@ use ddmhe_run::reweight::reduced;
 use faer::{Mat, Side};
 use std::borrow::Cow;
 
+/// Square roots of weights with their first rows in \[x̄; y\].
+pub(crate) type Blocks = Vec<(usize, Mat<f64>)>;
+
 /// 2ρ^m ‖x̂(t-m) - x̄‖²_P + Σ_j ρ^{j-1} ‖v̂(t-j)‖²_R in scaled units; with the weights of the
 /// recording ‖x̂(t-m) - x̄‖²_{P⁻¹} + Σ_j ‖v̂(t-j)‖²_{R⁻¹}, of a stationary covariance P.
 #[derive(Debug, Clone)]
@@ -238,25 +241,31 @@ impl Weights {
         self.plain.then(|| (0..depth * p).map(weight).collect())
     }
 
-    /// Of f = \[x̄; y\] - c and what is left of it, as weighed in the windows of a layout: their
-    /// product, and J, the square of the latter.
-    pub fn products(&self, layout: Layout, f: &[f64], left: &[f64]) -> [f64; 2] {
+    /// √ of 2ρ^m P on the prior, of ρ^{j-1} R on y(t-j), of what was `measured` (m·p): the block of
+    /// each sample with its first row in \[x̄; y\].
+    pub fn blocks(&self, layout: Layout, measured: &[bool]) -> Blocks {
         let Layout { n, p, depth, .. } = layout;
-        let all = vec![true; p];
+        let noise = |k: usize| self.noise(depth - k, &measured[k * p..(k + 1) * p]);
+        let outputs = (0..depth).map(|k| (n + k * p, noise(k)));
+        std::iter::once((0, self.prior(depth))).chain(outputs).collect()
+    }
+
+    /// Of f = \[x̄; y\] - c and what is left of it, as weighed by [`blocks`](Self::blocks): their
+    /// product, and J, the square of the latter.
+    pub fn products(&self, blocks: &Blocks, f: &[f64], left: &[f64]) -> [f64; 2] {
         let along = |U: &Mat<f64>, v: &[f64], i: usize| -> f64 {
             v.iter().enumerate().map(|(j, v)| U[(i, j)] * v).sum()
         };
         let (mut inner, mut J) = (0.0, 0.0);
-        let mut add = |U: Mat<f64>, first: usize, len: usize| {
-            let (f, left) = (&f[first..first + len], &left[first..first + len]);
-            for i in 0..len {
-                let (of_f, of_left) = (along(&U, f, i), along(&U, left, i));
+        for (first, U) in blocks {
+            let rows = *first..first + U.nrows();
+            let (f, left) = (&f[rows.clone()], &left[rows]);
+            for i in 0..U.nrows() {
+                let (of_f, of_left) = (along(U, f, i), along(U, left, i));
                 inner += of_f * of_left;
                 J += of_left * of_left;
             }
-        };
-        add(self.prior(depth), 0, n);
-        (0..depth).for_each(|k| add(self.noise(depth - k, &all), n + k * p, p));
+        }
         [self.unit * inner, self.unit * J]
     }
 

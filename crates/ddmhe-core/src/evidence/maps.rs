@@ -3,6 +3,7 @@
 use crate::evidence::replay::deleted;
 use crate::reduction::Reduced;
 use crate::weights::Weights;
+use ddmhe_run::evidence::formulas::chi_square;
 use ddmhe_run::layout::Layout;
 use faer::Mat;
 
@@ -83,12 +84,7 @@ impl Noise {
     /// What V of it is above once in a million windows, as if it were χ² (Wilson and Hilferty).
     pub fn rare(&self) -> f64 {
         let [mean, variance] = self.V;
-        if mean > 0.0 { rare(mean, 2.0 * mean * mean / variance) } else { 0.0 }
+        let degrees = 2.0 * mean * mean / variance;
+        if mean > 0.0 { mean / degrees * chi_square(degrees, RARE) } else { 0.0 }
     }
-}
-
-/// What a χ² of these degrees, scaled to this mean, exceeds once in a million times.
-fn rare(mean: f64, degrees: f64) -> f64 {
-    let part = 2.0 / (9.0 * degrees);
-    mean * (1.0 - part + RARE * part.sqrt()).powi(3)
 }

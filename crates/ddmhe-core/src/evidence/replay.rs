@@ -10,8 +10,7 @@ use crate::driving::Driving;
 use crate::error::Error;
 use crate::evidence::cloud::Cloud;
 use crate::history::History;
-use crate::reduction::factorisation;
-use crate::reduction::{Reduced, reduce};
+use crate::reduction::{Reduced, factorisation, reduce};
 use crate::response::OwnResponse;
 use crate::scaling::Scaling;
 use crate::space::{Selection, TrajectorySpace, WindowStack, free_window};
@@ -176,10 +175,11 @@ impl Fold {
         let last = layout.x(m).start;
         let states = A.subrows(last, n) * &z;
         let deleted = deleted(&reduced, layout);
+        let blocks = setup.weights.blocks(layout, &vec![true; m * p]);
         for k in 0..windows.len() {
             let column = |M: &Mat<f64>| M.col(k).iter().copied().collect::<Vec<f64>>();
             let (f, left) = (column(&f), column(&residual));
-            let [inner, J] = setup.weights.products(layout, &f, &left);
+            let [inner, J] = setup.weights.products(&blocks, &f, &left);
             let penalised = space.lambda > 0.0 || setup.driving.is_some();
             found.V.push(if penalised { inner } else { J });
             found.J.push(if setup.driving.is_some() { inner } else { J });

@@ -8,7 +8,7 @@ use crate::panels::{Root, dot};
 pub const ANYWHERE: f64 = 1e12;
 
 /// The standard normal distribution's .9999.
-const RARE: f64 = 3.719016485455709;
+pub const RARE: f64 = 3.719016485455709;
 
 /// Of an unknown state: the variance of its prior in units of the recorded one.
 pub const WIDE: f64 = 10.0;
@@ -32,19 +32,13 @@ pub fn growth([power, tenth, all, _]: [f64; 4], samples: f64) -> f64 {
     if power == 0.0 || far <= tenth { 1.0 } else { libm::pow(far / tenth, power) }
 }
 
-/// What a χ² of these degrees is above once in ten thousand times, by Wilson and Hilferty.
+/// The quantile of a χ² of these degrees that belongs to one of a normal variable, by Wilson and
+/// Hilferty.
 #[inline(always)]
-pub fn chi_square(degrees: f64) -> f64 {
+pub fn chi_square(degrees: f64, normal: f64) -> f64 {
     let part = 2.0 / (9.0 * degrees);
-    let root = 1.0 - part + RARE * part.root();
+    let root = 1.0 - part + normal * part.root();
     degrees * root * root * root
-}
-
-/// D / D_most of a state that deviates so from the mean of the recorded ones, `away` being
-/// Σ_x⁻¹ / D_most (n × n).
-#[inline(always)]
-pub fn distance(away: &[f64], deviation: &[f64]) -> f64 {
-    form(deviation, away)
 }
 
 /// L Σ Lᵀ for Σ (n × n, symmetric) and L of n rows, into `out`; `work` is for n × n numbers.

@@ -1,7 +1,7 @@
 //! The evidence with the weights of the recording: see [`model`](crate::evidence::model).
 
 use crate::active_set::factor::{cholesky, solve_lower};
-use crate::evidence::formulas::chi_square;
+use crate::evidence::formulas::{RARE, chi_square};
 use crate::evidence::{OfModel, Rule};
 use crate::kalman::Model;
 use crate::memory::stretches::samples;
@@ -176,6 +176,6 @@ impl OfFilter {
         }
         let value = score / outputs;
         let large = if self.scores.len == self.horizon { value.max(1.0) } else { 1.0 };
-        [value, chi_square(outputs) / outputs, large]
+        [value, chi_square(outputs, RARE) / outputs, large]
     }
 }

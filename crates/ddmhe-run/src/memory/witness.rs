@@ -1,7 +1,7 @@
 //! The evidence on the estimates of a window: see [`evidence`](crate::evidence).
 
 use crate::evidence::formulas::{
-    WIDE, anywhere, distance, form, growth, inflation, join, limited, sandwich, wide,
+    WIDE, anywhere, form, growth, inflation, join, limited, sandwich, wide,
 };
 use crate::evidence::{Evidence, OfDepth, OfPlan, Reasons, Rule};
 use crate::memory::considered::{FilterStep, OfFilter};
@@ -44,7 +44,7 @@ pub(crate) struct Witness {
     innovation: usize,          // (p)
     variance: usize,            // its (p)
     prior: usize,               // Σ(t-m) (n × n)
-    work: usize,                // n × n, or p × n
+    work: usize,                // n × n
     filter: OfFilter,           // with the weights of the recording
     pub end: usize,
     horizon: usize,
@@ -90,7 +90,7 @@ impl Witness {
         let width = if rule == Rule::Off { 0 } else { n * n };
         let stretch = take(samples(horizon) * n * n);
         let (last, repeats, innovation, variance) = (take(p), take(p), take(p), take(p));
-        let (prior, work) = (take(n * n), take(n * n.max(p)));
+        let (prior, work) = (take(n * n), take(n * n));
         let filter = OfFilter::new(sizes, next);
         Witness {
             covariances: SlidingBuffer::new(stretch, width, samples(horizon)),
@@ -275,7 +275,7 @@ impl Witness {
         let deviation = &mut block[self.work..self.work + told.x.len()];
         let entries = told.x.iter().zip(told.mean);
         deviation.iter_mut().zip(entries).for_each(|(to, (x, mean))| *to = x - mean);
-        let far = distance(plan.away, deviation);
+        let far = form(deviation, plan.away);
         if far > 1.0 { far * far } else { 0.0 }
     }
 
