@@ -18,10 +18,10 @@ from ddmhe._core import DdMhe, History
 from ddmhe._core import Log as Estimates
 from ddmhe.cli.options import deviations, log_options
 from ddmhe.cli.printing import print_written, warn
-from ddmhe.cli.reading import read, untold
+from ddmhe.cli.reading import print_notes, read, untold
 from ddmhe.cli.telling import in_words_of
 from ddmhe.config import READING, read_config, space_from_text
-from ddmhe.logs import Log, Split
+from ddmhe.recordings import Log, Recorded
 from ddmhe.report.trust import Trust
 
 Array = NDArray[np.float64]
@@ -93,7 +93,7 @@ def command(
         found = from_file.pop(key, None)
         given[key] = found if given[key] is None else given[key]
     samples, split = read(log, given)
-    est = DdMhe(split.history, **_settings(from_file, given))
+    est = DdMhe(split.history, **_settings(from_file, given, split.goes_on))
     at_first = list(est.warnings)
     _warn(samples, split, at_first)
     asked = len(split.Y)
@@ -106,6 +106,7 @@ def command(
     written = _write(csv, figure, samples, split, (estimates.x, trust))
     _warn(samples, split, [told for told in est.warnings if told not in at_first])
     console = Console()
+    print_notes(console, split)
     console.print(_summary(samples, split, est, estimates))
     if trust is not None:
         console.print(trust.words(est.promise), markup=False, highlight=False, soft_wrap=True)
@@ -114,12 +115,12 @@ def command(
         raise click.Abort
 
 
-def _warn(samples: Log, split: Split, warnings: list[str]) -> None:
+def _warn(samples: Log, split: Recorded, warnings: list[str]) -> None:
     for sentence in in_words_of(samples.names, untold(samples, warnings), split.t):
         warn(sentence)
 
 
-def _cut(samples: Log, split: Split, made: int) -> tuple[Log, Split]:
+def _cut(samples: Log, split: Recorded, made: int) -> tuple[Log, Recorded]:
     """The log as if it ended with the last of `made` estimates; says so."""
     left_out = len(split.Y) - made
     if made == 0:
@@ -127,13 +128,13 @@ def _cut(samples: Log, split: Split, made: int) -> tuple[Log, Split]:
     print(f"ddmhe: stopped: {made} of {len(split.Y)} samples were estimated", file=sys.stderr)
     end = len(samples.t) - left_out
 
-    def first(whole: Log | Split, names: tuple[str, ...], rows: int) -> dict[str, Any]:
+    def first(whole: Log | Recorded, names: tuple[str, ...], rows: int) -> dict[str, Any]:
         parts = {name: getattr(whole, name) for name in names}
         return {name: part if part is None else part[:rows] for name, part in parts.items()}
 
     return (
         replace(samples, **first(samples, ("t", "x", "y", "u", "lines", "samples"), end)),
-        replace(split, **first(split, ("Y", "t", "x_true", "U"), made)),
+        replace(split, **first(split, ("Y", "t", "x_true", "U", "stamps"), made)),
     )
 
 
@@ -154,7 +155,7 @@ def _targets(log: Path, out: Path | None, plot: Path | None) -> tuple[Path | Non
     return csv, plot
 
 
-def _settings(from_file: dict[str, Any], given: dict[str, Any]) -> dict[str, Any]:
+def _settings(from_file: dict[str, Any], given: dict[str, Any], goes_on: bool) -> dict[str, Any]:
     """Keywords of DdMhe: the file's, overridden by the options given."""
     named = dict(from_file)
     if given["start_from"] is not None or given["warm_start"] is not None:
@@ -165,13 +166,14 @@ def _settings(from_file: dict[str, Any], given: dict[str, Any]) -> dict[str, Any
     if given["start_from"] not in (None, "auto"):
         settings["start"] = given["start_from"]
     if not {"start", "warm_start", "x_prior"} & set(settings):
-        settings["start"] = "recording"  # the log goes on where its history ends
+        # the log goes on where its history ends; where that is another log, it begins anywhere
+        settings["start"] = "recording" if goes_on else "unknown"
     if isinstance(given["space"], str):
         settings["space"] = space_from_text(given["space"])
     return settings
 
 
-def _summary(log: Log, split: Split, est: DdMhe, estimates: Estimates) -> Any:
+def _summary(log: Log, split: Recorded, est: DdMhe, estimates: Estimates) -> Any:
     """The table that is printed: settings, how the steps ended, what is promised, errors where the
     truth is known."""
     filled = int(np.sum(log.lines == 0))
@@ -214,7 +216,7 @@ def _write(
     csv: Path | None,
     figure: Path | None,
     log: Log,
-    split: Split,
+    split: Recorded,
     estimated: tuple[Array, Trust | None],
 ) -> list[Path]:
     """One CSV row per row of the log after the history; the figure also shows the estimates inside

@@ -15,8 +15,8 @@ from ddmhe import report
 from ddmhe._core import DdmheError
 from ddmhe.cli.options import directory_option, radius, reading_options
 from ddmhe.cli.printing import print_written
-from ddmhe.cli.reading import read
-from ddmhe.logs import Log, Split
+from ddmhe.cli.reading import print_notes, read
+from ddmhe.recordings import Log, Recorded
 
 __all__ = ["command"]
 
@@ -92,6 +92,7 @@ def _log(log: Path, out: Path, given: dict[str, Any]) -> None:
         )
     verdict = judge(bounds.lower, bounds.upper, (model.lower, model.upper), split.t, names[0])
     console = Console()
+    print_notes(console, split)
     console.print(
         report.table(f"Intervals of {log.name}", {"": _rows(model, bounds, split, names)})
     )
@@ -111,7 +112,9 @@ def _radii(given: dict[str, Any]) -> dict[str, Any]:
     radii = {f"--{end}-radius": given[f"{end}_radius"] for end in "wv"}
     if all(value is None for value in radii.values()):
         radii = dict.fromkeys(radii, "auto")
-    needed = {f"--{key}": given[key] for key in ("state", "output", "history")} | radii
+    needed = {f"--{key}": given[key] for key in ("state", "output")} | radii
+    if not given["recording"]:
+        needed["--history"] = given["history"]
     for name, value in needed.items():
         if value is None or (isinstance(value, tuple) and not value):
             raise click.UsageError(f"{name}: expected with a log, found none")
@@ -119,7 +122,7 @@ def _radii(given: dict[str, Any]) -> dict[str, Any]:
 
 
 def _rows(
-    model: Any, bounds: Any, split: Split, names: tuple[tuple[str, ...], tuple[str, ...]]
+    model: Any, bounds: Any, split: Recorded, names: tuple[tuple[str, ...], tuple[str, ...]]
 ) -> Any:
     """What the table of `interval LOG` shows."""
     with np.errstate(over="ignore"):
@@ -143,7 +146,7 @@ def _rows(
     return rows
 
 
-def _write(out: Path, samples: Log, split: Split, bounds: Any) -> list[Path]:
+def _write(out: Path, samples: Log, split: Recorded, bounds: Any) -> list[Path]:
     """interval.csv, with empty cells where no finite bound is known, and interval.png if there is
     anything to draw."""
     from ddmhe.report.figures import intervals_figure

@@ -8,15 +8,15 @@ late stamps only L."""
 from __future__ import annotations
 
 import numpy as np
-import pandas as pd
 from numpy.typing import NDArray
 
-from ddmhe.recordings.cells import column
-from ddmhe.recordings.log import LogError
+from ddmhe.recordings.errors import LogError
+from ddmhe.recordings.stamp_texts import stamp_texts
+from ddmhe.recordings.stamps import SINCE, Stamps
 
 Array = NDArray[np.float64]
 
-__all__ = ["first_row", "nominal_step", "samples_of", "times"]
+__all__ = ["first_row", "jitter", "nominal_step", "samples_of", "start_of"]
 
 JITTER, JITTERY_SHARE = 0.25, 0.2
 """Steps off the nominal one by more than JITTER are bad; a log with more than this share of them is
@@ -27,6 +27,8 @@ missing."""
 LOOK = 5
 """Rows before and after a long step in which its envelope is taken; after it, one more for every
 step that it lasts."""
+LEAST_JITTER = 0.02
+"""Steps that vary by less than this share are not spoken of."""
 LONGEST_LOOK = 100
 """Beyond this many rows a nominal step that is off by 0.5 % would count as half a sample."""
 
@@ -50,22 +52,34 @@ def samples_of(t: Array) -> NDArray[np.int64]:
     return np.asarray(np.arange(t.size) + np.cumsum(lost), dtype=np.int64)
 
 
-def times(path: str, table: pd.DataFrame, name: str) -> Array:
-    """The column of times (N,), s; LogError unless every row has one and they strictly increase."""
-    t = column(path, table, name)
-    if np.isnan(t).any():
-        line = table.index[int(np.argmax(np.isnan(t)))]
-        raise LogError(
-            f"{path}, line {line}, column {name!r}: expected a time in seconds, found none"
-        )
-    back = np.diff(t) <= 0
-    if back.any():
-        row = int(np.argmax(back)) + 1
-        raise LogError(
-            f"{path}, line {table.index[row]}, column {name!r}: expected a time after the "
-            f"{t[row - 1]:.10g} s of the line before, found {t[row]:.10g} s"
-        )
-    return t
+def jitter(t: Array, step: float) -> list[str]:
+    """What is said of steps that vary; nothing of small ones, nor of lost rows."""
+    if t.size < 3 or not step > 0:
+        return []
+    steps = np.diff(t)
+    off = float(np.max(np.abs(steps[steps <= GAP * step] / step - 1), initial=0.0))
+    return [f"steps vary by up to {100 * off:.0f} %"] if off > LEAST_JITTER else []
+
+
+def start_of(path: str, stamps: Stamps, start: float | str) -> tuple[float, list[str]]:
+    """A start on the clock t of the stamps, s, and what is said of it: dates and times since 1970
+    are counted from the first row."""
+    if isinstance(start, str):
+        try:
+            return start_of(path, stamps, float(start))
+        except ValueError:
+            found = stamp_texts([start])
+        if found is None or stamps.ns is None:
+            raise LogError(
+                f"start: expected a time like the log's, s or a date, found {start!r}"
+            ) from None
+        return (int(found[0]) - stamps.since) / 1e9, []
+    if not stamps.since:
+        return float(start), []
+    if start >= SINCE:
+        since = stamps.since / 1e9 if stamps.ns is not None else stamps.since / stamps.per_second
+        return float(start) - since, []
+    return float(start), [f"start {start:g} s after the first row"]
 
 
 def first_row(path: str, t: Array, start: float) -> int:

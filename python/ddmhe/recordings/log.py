@@ -2,8 +2,8 @@
 
 A log samples regularly: its stamps may jitter or come late, but where the clock says that rows are
 lost there is a gap. Gaps are errors unless `Log.fill_gaps` turned them into rows not measured: the
-estimator then runs through them without data, and inside the history at most 10 such rows in a row
-are interpolated. Known inputs act at every sample: they are never filled in."""
+estimator then runs through them without data, and inside the history at most 10 such rows in a row,
+or blank cells, are interpolated. Known inputs act at every sample: they are never filled in."""
 
 from __future__ import annotations
 
@@ -14,8 +14,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ddmhe._core import DdmheError, History
+from ddmhe._core import History
 from ddmhe.checks import shown
+from ddmhe.recordings.errors import LARGEST, LogError, Names
+from ddmhe.recordings.stamps import Stamps
 from ddmhe.recordings.units import unit_of
 
 Array = NDArray[np.float64]
@@ -26,23 +28,10 @@ MOST_INTERPOLATED = 10
 """A longer stretch of filled rows inside the history is an invention, not a recording. Seven in a
 row left the errors on the measured pendulum logs as they were; cutting the recording there doubled
 them."""
+MOST_BLANK = 0.25
+"""Share of a column's cells inside the history that may be blank: more is another sampling."""
 MOST_FILLED = 2
 """Filling may at most double a log: beyond that it is several logs."""
-LARGEST = float(np.finfo(np.float64).max)
-
-
-class LogError(DdmheError):
-    """A log file cannot be used as asked."""
-
-
-@dataclass(frozen=True)
-class Names:
-    """Column names of a log."""
-
-    time: str
-    state: tuple[str, ...]
-    output: tuple[str, ...]
-    input: tuple[str, ...] = ()
 
 
 class Gap(NamedTuple):
@@ -106,6 +95,14 @@ class Log:
     own in its name."""
     u: Array | None = None
     """Known inputs (N, m), NaN where the file has no number; None for a log without."""
+    stamps: Stamps | None = None
+    """The times as the file has them (N,), digit for digit."""
+    notes: tuple[str, ...] = ()
+    """What was inferred in reading, one phrase each."""
+    place: str = "line"
+    """What `lines` counts: "line", or "row" where there are none."""
+    filled: bool = False
+    """Whether `fill_gaps` made it: then blank cells inside the history are bridged, too."""
 
     def unit(self, column: str) -> str:
         """The unit of a column, "" where neither a line of units nor its name states one."""
@@ -136,7 +133,11 @@ class Log:
         filled = np.arange(size, dtype=np.int64)
         x, y = spread(self.x), spread(self.y)
         u = None if self.u is None else spread(self.u)
-        return replace(self, t=t, x=x, y=y, lines=lines, samples=filled, gaps=(), u=u)
+        stamps = None if self.stamps is None else self.stamps.spread(rows, size)
+        return replace(
+            self, t=t, x=x, y=y, lines=lines, samples=filled, gaps=(), u=u, stamps=stamps,
+            filled=True,
+        )  # fmt: skip
 
     def history_samples(self, history: float) -> int:
         """T = round(history/dt).
@@ -173,25 +174,50 @@ class Log:
             gap = self.gaps[0]
             where = "inside the history" if gap.t < self.t[T] else "after the history"
             raise LogError(
-                f"{self.path}: gap {where} at {gap.t:.10g} s (line {gap.line}): expected steps of "
-                f"about {self.dt / self.decimate:.4g} s, found {gap.length:.4g} s; use another "
-                "start or history, or fill the gaps (--gaps fill)"
+                f"{self.path}: gap {where} at {gap.t:.10g} s ({self.place} {gap.line}): expected "
+                f"steps of about {self.dt / self.decimate:.4g} s, found {gap.length:.4g} s; use "
+                "another start or history, or fill the gaps (--gaps fill)"
             )
-        self._check_measured(self.x[: T + 1], self.names.state)
-        self._check_measured(self.y[:T], self.names.output)
+        if not self.filled:
+            self._check_measured(self.x[: T + 1], self.names.state)
+            self._check_measured(self.y[:T], self.names.output)
         self._check_known()
-        recorded = History(
-            self._bridged(self.x, T + 1),
-            self._bridged(self.y, T),
+        return self._after(T, self._history(T))
+
+    def recording(self, T: int) -> History:
+        """The first T samples alone; errors as of `split`."""
+        if self.gaps:
+            raise LogError(
+                f"{self.path}: gap at {self.gaps[0].t:.10g} s ({self.place} {self.gaps[0].line}); "
+                "cut the recording there, or fill the gaps (--gaps fill)"
+            )
+        if not self.filled:
+            self._check_measured(self.x[: T + 1], self.names.state)
+            self._check_measured(self.y[:T], self.names.output)
+        self._check_known()
+        return self._history(T)
+
+    def whole(self) -> Split:
+        """All of the log behind a recording from elsewhere: outputs of rows 0 to N-2, states of
+        rows 1 to N-1. The history is None."""
+        self._check_known()
+        return self._after(0, None)
+
+    def _history(self, T: int) -> History:
+        return History(
+            self._bridged(self.x, T + 1, self.names.state),
+            self._bridged(self.y, T, self.names.output),
             dt=self.dt,
             x_units=[self.unit(name) for name in self.names.state],
             y_units=[self.unit(name) for name in self.names.output],
             u=None if self.u is None else self.u[:T],
             u_units=None if self.u is None else [self.unit(name) for name in self.names.input],
         )
+
+    def _after(self, T: int, history: Any) -> Split:
         x_true = self.x[T + 1 :]
         return Split(
-            recorded,
+            history,
             self.y[T:-1],
             self.t[T + 1 :],
             None if np.isnan(x_true).all() else x_true,
@@ -208,21 +234,22 @@ class Log:
         name = self.names.input[column]
         if self.lines[row] > 0:
             raise LogError(
-                f"{self.path}, line {self.lines[row]}, column {name!r}: expected a number at every "
-                "sample of an input, found an empty cell, NaN or a number that stands for not "
-                "measured"
+                f"{self.path}, {self.place} {self.lines[row]}, column {name!r}: expected a number "
+                "at every sample of an input, found an empty cell, NaN or a number that stands for "
+                "not measured"
             )
         before = int(np.flatnonzero(self.lines[:row])[-1])
         after = row + int(np.argmax(self.lines[row:] > 0))
         raise LogError(
-            f"{self.path}: gap at {self.t[before]:.10g} s (line {self.lines[before]}), column "
-            f"{name!r}: expected a number at every sample of an input, found {after - before - 1} "
-            "samples missing; write what the input was there into the file, or use another start "
-            "or history"
+            f"{self.path}: gap at {self.t[before]:.10g} s ({self.place} {self.lines[before]}), "
+            f"column {name!r}: expected a number at every sample of an input, found "
+            f"{after - before - 1} samples missing; write what the input was there into the file, "
+            "or use another start or history"
         )
 
-    def _bridged(self, values: Array, size: int) -> Array:
-        """Rows 0 to size-1 with the filled ones interpolated between their neighbours in the log.
+    def _bridged(self, values: Array, size: int, names: Sequence[str]) -> Array:
+        """Rows 0 to size-1 with filled rows and blank cells interpolated between their neighbours
+        in the log.
 
         Seams between recordings would invent nothing, but they cost every window that crosses one;
         on measured pendulum logs with gaps of one or two rows interpolation was clearly better."""
@@ -231,22 +258,44 @@ class Log:
         if runs.max() > MOST_INTERPOLATED:
             row = int(real[int(np.argmax(runs > MOST_INTERPOLATED))])
             raise LogError(
-                f"{self.path}: gap inside the history at {self.t[row]:.10g} s (line "
+                f"{self.path}: gap inside the history at {self.t[row]:.10g} s ({self.place} "
                 f"{self.lines[row]}): expected at most {MOST_INTERPOLATED} missing samples, found "
                 f"{runs.max()}"
             )
-        at, rows = np.arange(size), np.arange(len(values))
+        columns = zip(values.T, names, strict=True)
+        return np.column_stack([self._column_bridged(c, size, name) for c, name in columns])
+
+    def _column_bridged(self, values: Array, size: int, name: str) -> Array:
+        """One column (N,) without its blank cells in rows 0 to size-1; LogError where there are too
+        many of them."""
         known = np.isfinite(values)
-        return np.column_stack(
-            [np.interp(at, rows[k], column[k]) for k, column in zip(known.T, values.T, strict=True)]
-        )
+        blank = ~known[:size] & (self.lines[:size] > 0)
+        rows = np.flatnonzero(known)
+        if not blank.any():
+            return np.interp(np.arange(size), rows, values[rows])
+        edges = np.concatenate([[-1], rows[: np.searchsorted(rows, size) + 1]])
+        runs = np.diff(np.append(edges, size) if edges[-1] < size else edges) - 1
+        begun = known[0] and rows[-1] >= size - 1
+        share = float(blank.mean())
+        if not begun or runs.max() > MOST_INTERPOLATED or share > MOST_BLANK:
+            at = int(edges[int(np.argmax(runs > MOST_INTERPOLATED))]) + 1
+            row = at if runs.max() > MOST_INTERPOLATED else int(np.argmax(blank))
+            while self.lines[row] == 0:
+                row += 1
+            raise LogError(
+                f"{self.path}, {self.place} {self.lines[row]}, column {name!r}: expected at most "
+                f"{MOST_INTERPOLATED} cells in a row and {MOST_BLANK:.0%} of all not measured "
+                f"inside the history, a number first and last, found up to {runs.max()} in a row, "
+                f"{share:.0%} of all; --start, --history or --decimate choose other rows"
+            )
+        return np.interp(np.arange(size), rows, values[rows])
 
     def _check_measured(self, values: Array, names: Sequence[str]) -> None:
         lacking = np.argwhere(np.isnan(values) & (self.lines[: len(values), None] > 0))
         if lacking.size:
             row, column = lacking[0]
+            where = f"{self.place} {self.lines[row]}, column {names[column]!r}"
             raise LogError(
-                f"{self.path}, line {self.lines[row]}, column {names[column]!r}: expected a number "
-                "inside the history, found an empty cell, NaN or a number that stands for not "
-                "measured"
+                f"{self.path}, {where}: expected a number inside the history, found an empty "
+                "cell, NaN or a number that stands for not measured"
             )
