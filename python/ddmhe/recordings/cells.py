@@ -112,7 +112,8 @@ def number(text: str, decimal: str = ".", grouped: bool = False) -> float | None
     try:
         return None if "_" in text else float(text)
     except ValueError:
-        return None
+        fortran = re.fullmatch(r"([+-]?[\d.]+)[dD]([+-]?\d+)", text)
+        return float(f"{fortran[1]}e{fortran[2]}") if fortran else None
 
 
 def _wrong(table: Table, name: str, row: int, cell: Any) -> LogError:

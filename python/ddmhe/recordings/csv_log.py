@@ -89,7 +89,7 @@ def log_of(src: Any, columns: tuple[Any, Any, Any], how: Reading) -> Log:
     for option, group in zip(("state", "output", "input"), columns, strict=True):
         check_texts(option, group)
     state, output, known = (tuple(group) for group in columns)
-    asked = (*state, *output, *known)
+    asked = (*output, *state, *known)  # outputs first: their stamps count where topics differ
     src, piece = piece_in(src)
     table = table_of(src, asked if how.time is None else (*asked, how.time), how)
     names = Names("", *(table.joined(group) for group in (state, output, known)))

@@ -92,7 +92,7 @@ def table_of(src: Any, asked: Sequence[str], how: Reading) -> Table:
     try:
         with open(place, "rb") as file:
             head = file.read(_HEAD)
-            known = _kind(head)
+            known = _kind(head, place)
             data = b"" if known in _FILES else head + file.read()
     except FileNotFoundError:
         raise LogError(f"{path}: expected a log file, found no such file") from None
@@ -118,8 +118,10 @@ def _folder(path: str, place: Path, asked: Sequence[str], how: Reading) -> Table
     raise LogError(f"{path}: expected a readable log file, found that it is not (Is a directory)")
 
 
-def _kind(head: bytes) -> str:
+def _kind(head: bytes, place: Path | None = None) -> str:
     kind = next((name for magic, name in MAGIC if head.startswith(magic)), "text")
+    if kind == "text" and b"\0" in head and place is not None and place.suffix.lower() == ".mat":
+        return "mat"  # version 4 begins with no mark
     return "hdf5" if kind == "text" and head[512:520] == MAGIC[8][0] else kind
 
 
@@ -127,7 +129,7 @@ def _by_format(
     path: str, place: Path | None, data: bytes, asked: Sequence[str], how: Reading
 ) -> Table:
     """The table of a file, at a place or of these bytes."""
-    kind = _kind(data[:_HEAD])
+    kind = _kind(data[:_HEAD], place)
     if kind in _UNPACK:
         try:
             inside = _UNPACK[kind](path, data)

@@ -21,7 +21,7 @@ LOOKED_AT = 2000
 RISING = 0.9
 """Share of steps upwards that a clock's column has at least."""
 _SECONDS = re.compile(r"(?P<stem>.*?)(?P<word>secs?|seconds)\Z", re.IGNORECASE)
-_NANOS = ("nsec", "nsecs", "nanosec", "nanoseconds", "nanosecs")
+_NANOS = ("nanos", "nsec", "nsecs", "nanosec", "nanoseconds", "nanosecs")
 _JOINED = "time"
 
 

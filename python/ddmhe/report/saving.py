@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import pandas as pd
 from numpy.typing import NDArray
 
 from ddmhe.files import write
@@ -29,6 +28,8 @@ def write_estimates(
     beside: Mapping[str, Any] | None = None,
 ) -> None:
     """A CSV with the time column, one column per state and those of `beside`, full precision."""
+    import pandas as pd  # takes longer to load than an estimator to build
+
     frame = pd.DataFrame(x_hat, columns=list(names)).assign(**dict(beside or {}))
     frame.insert(0, time, t)
     write(path, lambda beside: frame.to_csv(beside, index=False))

@@ -7,12 +7,13 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import pandas as pd
 from rich.table import Table
 
 from ddmhe._core import DdMhe, History
 
 if TYPE_CHECKING:
+    import pandas as pd
+
     from ddmhe.design import AffineModel, Certificate, PolePlacement
     from ddmhe.interval import ObserverDesign
     from ddmhe.tuning import Tuning
