@@ -21,7 +21,7 @@ from pyarrow import feather, parquet
 from scipy.io import savemat
 
 from commands import in_a_process
-from ddmhe.recordings import LogError, read, sources
+from ddmhe.recordings import LogError, read
 from odd_logs import EPOCH, HEAD, HISTORY, N, numbers
 
 NUMBERS = numbers()

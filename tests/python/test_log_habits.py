@@ -230,9 +230,7 @@ def test_blank_cells_inside_the_history_are_bridged_and_said(tmp_path):
         np.delete(x, [40, 41], 0), np.delete(TRUE[: T + 1, 1:3], [40, 41], 0)
     )
     assert "2 blank cells inside the history interpolated" in r.notes
-    with pytest.raises(
-        LogError, match="line 42, column 'w1': expected a number"
-    ):
+    with pytest.raises(LogError, match="line 42, column 'w1': expected a number"):
         read(path, **COMMON, gaps="error")
     for lost in (range(40, 51), range(1), range(0, 150, 3)):
         rows = [[r[0], "" if k in lost else r[1], *r[2:]] for k, r in enumerate(ROWS)]

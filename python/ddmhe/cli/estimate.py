@@ -16,12 +16,15 @@ from rich.console import Console
 from ddmhe import report
 from ddmhe._core import DdMhe, History
 from ddmhe._core import Log as Estimates
+from ddmhe.cli.metadata import metadata, read_as
 from ddmhe.cli.options import deviations, log_options
 from ddmhe.cli.printing import print_written, warn
 from ddmhe.cli.reading import print_notes, read, untold
 from ddmhe.cli.telling import in_words_of
 from ddmhe.config import READING, read_config, space_from_text
+from ddmhe.files import check_writable
 from ddmhe.recordings import Log, Recorded
+from ddmhe.report.estimates_file import EstimatesFile, check_ending, write_estimates_file
 from ddmhe.report.trust import Trust
 
 Array = NDArray[np.float64]
@@ -35,7 +38,10 @@ FIGURES = (".png", ".pdf", ".svg")
 @click.command("estimate")
 @log_options
 @click.option(
-    "--out", type=click.Path(path_type=Path), metavar="FILE.csv|DIR", help="Where the estimates go."
+    "--out",
+    type=click.Path(path_type=Path),
+    metavar="FILE|DIR",
+    help="Estimates: .csv, .parquet, .npz or .mat.",
 )
 @click.option(
     "--plot", type=click.Path(path_type=Path), metavar="FILE.png", help="Where a figure goes."
@@ -81,19 +87,23 @@ FIGURES = (".png", ".pdf", ".svg")
 def command(
     log: Path, out: Path | None, plot: Path | None, config: Path | None, **given: Any
 ) -> None:
-    """Estimate the states of a CSV log from its outputs, and known inputs if there are any, after a
+    """Estimate the states of a log from its outputs, and known inputs if there are any, after a
     history in which both were recorded.
 
-    Writes the time column, one column per state, its standard deviation as STATE_std, `trusted` (1
-    or 0) and `reasons` (novel, uncertain, stuck, outside, joined by +; empty where there is none),
-    and prints the errors where the log holds the states."""
-    csv, figure = _targets(log, out, plot)
+    LOG is a CSV in any habit, Parquet, Feather, HDF5, MAT, MCAP, npz or JSON lines; "-" is standard
+    input. Writes a row for every step: time, states, STATE_std, `trusted` (1 or 0), `reasons`
+    (novel, uncertain, stuck, outside, joined by +), `status`, OUTPUT_innovation, and STATE_true
+    where the log holds the states; prints the errors then."""
+    target, figure = _targets(log, out, plot)
+    replaced = [path for path in (target, figure) if path is not None and path.exists()]
     from_file = {} if config is None else read_config(config)
     for key in READING:
         found = from_file.pop(key, None)
         given[key] = found if given[key] is None else given[key]
+    how = read_as(given)
     samples, split = read(log, given)
-    est = DdMhe(split.history, **_settings(from_file, given, split.goes_on))
+    named = _settings(from_file, given, split.goes_on)
+    est = DdMhe(split.history, **named)
     at_first = list(est.warnings)
     _warn(samples, split, at_first)
     asked = len(split.Y)
@@ -103,14 +113,17 @@ def command(
         estimates = e.finished  # type: ignore[attr-defined]
         samples, split = _cut(samples, split, len(estimates.x))
     trust = Trust.of_log(estimates)
-    written = _write(csv, figure, samples, split, (estimates.x, trust))
+    about = metadata(split, est, named, how)
+    written = _write(target, figure, split, estimates, about)
     _warn(samples, split, [told for told in est.warnings if told not in at_first])
     console = Console()
     print_notes(console, split)
     console.print(_summary(samples, split, est, estimates))
     if trust is not None:
         console.print(trust.words(est.promise), markup=False, highlight=False, soft_wrap=True)
-    print_written(console, written)
+    print_written(console, written, replaced)
+    if not written:
+        console.print("nothing was written; --out estimate.csv writes the estimates", markup=False)
     if len(estimates.x) < asked:
         raise click.Abort
 
@@ -132,27 +145,31 @@ def _cut(samples: Log, split: Recorded, made: int) -> tuple[Log, Recorded]:
         parts = {name: getattr(whole, name) for name in names}
         return {name: part if part is None else part[:rows] for name, part in parts.items()}
 
-    return (
-        replace(samples, **first(samples, ("t", "x", "y", "u", "lines", "samples"), end)),
-        replace(split, **first(split, ("Y", "t", "x_true", "U", "stamps"), made)),
-    )
+    log = replace(samples, **first(samples, ("t", "x", "y", "u", "lines", "samples"), end))
+    parts = first(split, ("Y", "t", "x_true", "U", "stamps"), made)
+    return log, replace(split, log=log, **parts)
 
 
 def _targets(log: Path, out: Path | None, plot: Path | None) -> tuple[Path | None, Path | None]:
-    """Paths of the CSV and of the figure, None for none."""
+    """Paths of the estimates and of the figure, None for none; an error for one that cannot be
+    written, before anything is computed."""
     if plot is not None and plot.suffix.lower() not in FIGURES:
         wanted = ", ".join(FIGURES)
         raise click.BadParameter(
             f"expected a file ending in {wanted}, found {str(plot)!r}", param_hint="--plot"
         )
-    csv = out
-    if out is not None and out.suffix.lower() != ".csv":
-        csv, plot = out / "estimate.csv", plot or out / "estimate.png"
-    if csv is not None and csv.exists() and log.exists() and csv.samefile(log):
-        raise click.BadParameter(
-            f"expected a file other than the log, found {str(csv)!r}", param_hint="--out"
-        )
-    return csv, plot
+    if out is not None and (out.suffix == "" or out.is_dir()):
+        out, plot = out / "estimate.csv", plot or out / "estimate.png"
+    if out is not None:
+        check_ending(out)
+        if out.exists() and log.exists() and out.samefile(log):
+            raise click.BadParameter(
+                f"expected a file other than the log, found {str(out)!r}", param_hint="--out"
+            )
+    for target in (out, plot):
+        if target is not None:
+            check_writable(target)
+    return out, plot
 
 
 def _settings(from_file: dict[str, Any], given: dict[str, Any], goes_on: bool) -> dict[str, Any]:
@@ -213,35 +230,27 @@ def _errors(
 
 
 def _write(
-    csv: Path | None,
-    figure: Path | None,
-    log: Log,
-    split: Recorded,
-    estimated: tuple[Array, Trust | None],
+    out: Path | None, figure: Path | None, split: Recorded, estimates: Estimates, metadata: Any
 ) -> list[Path]:
-    """One CSV row per row of the log after the history; the figure also shows the estimates inside
-    filled gaps."""
-    x_hat, trust = estimated
-    if csv is not None:
-        csv.parent.mkdir(parents=True, exist_ok=True)
-        logged = log.lines[-len(split.t) :] > 0
-        names = log.names.state
-        beside = {} if trust is None else trust.rows(logged).columns(log.names.time, names)
-        report.write_estimates(csv, log.names.time, split.t[logged], names, x_hat[logged], beside)
+    """A row for every step; the figure, too."""
+    written = []
+    if out is not None:
+        out.parent.mkdir(parents=True, exist_ok=True)
+        written += write_estimates_file(out, EstimatesFile.of(split, estimates, metadata))
     if figure is not None:
         from ddmhe.report.figures import estimate_figure
 
+        log, T = split.log, len(split.log.t) - len(split.t) - 1
         figure.parent.mkdir(parents=True, exist_ok=True)
-        T = len(log.t) - len(split.t) - 1
-        recorded = (log.t[: T + 1], log.x[: T + 1])
         drawing = estimate_figure(
             split.t,
-            x_hat,
+            estimates.x,
             split.x_true,
-            history=recorded,
+            history=(log.t[: T + 1], log.x[: T + 1]),
             names=log.names.state,
             quantity="state (unit of the log)",
-            trust=trust,
+            trust=Trust.of_log(estimates),
         )
         report.save_figure(drawing, figure)
-    return [path for path in (csv, figure) if path is not None]
+        written.append(figure)
+    return written

@@ -144,7 +144,7 @@ def _sampled(table: Table, names: Names, stamps: Stamps, order: Order, how: Read
     return Log(
         path, names, t[kept], x, y, dt, lines[kept], numbered,
         _gaps(t, samples, lines, int(kept[0])), decimate, units, u, stamps.rows(kept),
-        (*notes, *_of_words(table, list(every))), table.place,
+        (*notes, *_of_words(table, list(every))), table.place, table.digest,
     )  # fmt: skip
 
 

@@ -101,6 +101,8 @@ class Log:
     """What was inferred in reading, one phrase each."""
     place: str = "line"
     """What `lines` counts: "line", or "row" where there are none."""
+    digest: str | None = None
+    """SHA-256 of the file; None for frames."""
     filled: bool = False
     """Whether `fill_gaps` made it: then blank cells inside the history are bridged, too."""
 

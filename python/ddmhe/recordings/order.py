@@ -66,7 +66,8 @@ def piece_of(table: Table, stamps: Stamps, number: int) -> tuple[Table, Stamps]:
             f"clock starts, found {number}"
         )
     rows = np.arange(edges[number - 1], edges[number])
-    return table.rows(rows), stamps.rows(rows)
+    note = f"piece {number} of {len(edges) - 1}"
+    return table.rows(rows).noted(note), stamps.rows(rows)
 
 
 def ordered(table: Table, stamps: Stamps, name: str, duplicates: str, sort: bool) -> Order:

@@ -53,6 +53,8 @@ class Recorded:
     """The log, all samples of it."""
     stamps: Any
     """Times (N,) of the estimates as the log has them, digit for digit: numbers or texts."""
+    recordings: tuple[Log, ...]
+    """The other logs that were recorded."""
     goes_on: bool
     """Whether the outputs follow the recording's end without a break."""
 
@@ -211,6 +213,9 @@ def recorded_of(
     T = len(log.t) - 1 - len(split.t)
     after = slice(len(log.t) - len(split.t), None)
     units = {name: unit for name in dict.fromkeys(_all(log.names)) if (unit := log.unit(name))}
+    if log.stamps is not None:
+        units.pop(log.names.time, None)  # dates have none, whatever the column's name says
+        units |= {log.names.time: log.stamps.unit} if log.stamps.unit else {}
     return Recorded(
         recordings[0] if len(recordings) == 1 else History.concat(recordings),
         split.Y,
@@ -222,6 +227,7 @@ def recorded_of(
         (*log.notes, *_filled(log, T), *_of_recordings(log, parts)),
         log,
         log.t[after] if log.stamps is None else log.stamps.rows(after).written,
+        tuple(parts),
         history is not None,
     )
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import bz2
 import gzip
+import hashlib
 import io
 import lzma
 import os
@@ -13,6 +14,7 @@ import sys
 import zipfile
 import zlib
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -85,7 +87,9 @@ def table_of(src: Any, asked: Sequence[str], how: Reading) -> Table:
         raise LogError(f"path: expected the path of a file, found {shown(src)}")
     path = name_of(src)
     if str(src) == INPUT:
-        return _by_format(path, None, sys.stdin.buffer.read(), asked, how)
+        data = sys.stdin.buffer.read()
+        table = _by_format(path, None, data, asked, how)
+        return replace(table, digest=hashlib.sha256(data).hexdigest())
     place = Path(src)
     if place.is_dir():
         return _folder(path, place, asked, how)
@@ -93,14 +97,18 @@ def table_of(src: Any, asked: Sequence[str], how: Reading) -> Table:
         with open(place, "rb") as file:
             head = file.read(_HEAD)
             known = _kind(head, place)
-            data = b"" if known in _FILES else head + file.read()
+            data = head if known in _FILES else head + file.read()
+            digest = hashlib.sha256(data)
+            while part := file.read(2**20):
+                digest.update(part)
     except FileNotFoundError:
         raise LogError(f"{path}: expected a log file, found no such file") from None
     except OSError as e:
         raise LogError(
             f"{path}: expected a readable log file, found that it is not ({e.strerror})"
         ) from e
-    return _by_format(path, place, data if known not in _FILES else head, asked, how)
+    table = _by_format(path, place, data, asked, how)
+    return replace(table, digest=digest.hexdigest())
 
 
 def _folder(path: str, place: Path, asked: Sequence[str], how: Reading) -> Table:

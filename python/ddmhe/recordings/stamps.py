@@ -65,6 +65,13 @@ class Stamps:
             return np.asarray(numbers * (1.0 / self.per_second), dtype=np.float64)
         return np.asarray(numbers / self.per_second, dtype=np.float64)
 
+    @property
+    def unit(self) -> str:
+        """The unit of `written`, "" of texts."""
+        if self.ns is not None:
+            return ""
+        return next(unit for unit, rate in PER_SECOND.items() if rate == self.per_second)
+
     def median_step(self) -> float:
         """The median step, s, of N >= 2 rows; exact where the stamps are whole numbers."""
         if self.ns is not None:

@@ -41,6 +41,8 @@ class Table:
     """Whether the other mark, "," or ".", may group thousands."""
     notes: tuple[str, ...] = ()
     """What was inferred on the way, one phrase each."""
+    digest: str | None = None
+    """SHA-256 of the bytes that were read; None for frames."""
 
     def __len__(self) -> int:
         """Rows N."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -142,10 +143,7 @@ def with_joined_time(table: Table) -> Table:
     columns = [cells, *(table.columns[k] for k in kept)]
     units = {k: v for k, v in table.units.items() if k not in names}
     told = f"time of columns {' and '.join(map(repr, names))}"
-    return Table(
-        table.path, header, columns, table.places, table.place, units, table.decimal,
-        table.grouped, (*table.notes, told),
-    )  # fmt: skip
+    return replace(table, header=header, columns=columns, units=units).noted(told)
 
 
 def _date_and_clock(table: Table) -> tuple[tuple[str, str], list[str]] | None:
