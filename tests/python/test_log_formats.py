@@ -258,7 +258,7 @@ def test_a_library_that_is_not_there_is_named_with_its_extra(tmp_path, monkeypat
             monkeypatch.delitem(sys.modules, module)
     monkeypatch.setattr(builtins, "__import__", without)
     monkeypatch.setattr(
-        "ddmhe.recordings.sources.import_module", lambda m: without(m, fromlist="x")
+        "ddmhe.recordings.libraries.import_module", lambda m: without(m, fromlist="x")
     )
     with pytest.raises(LogError, match=rf"{name}: .* needs {library}: pip install 'ddmhe\[logs\]'"):
         read(tmp_path / name, **COMMON)

@@ -117,7 +117,7 @@ def number(text: str, decimal: str = ".", grouped: bool = False) -> float | None
 
 
 def _wrong(table: Table, name: str, row: int, cell: Any) -> LogError:
-    hint = ""
+    hint = "; an empty cell says not measured"
     if isinstance(cell, str) and re.fullmatch(r"[+-]?\d+,\d+", cell):
         hint = "; --decimal , reads a decimal comma"
     return LogError(

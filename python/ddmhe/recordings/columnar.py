@@ -9,7 +9,7 @@ from typing import IO, Any
 import numpy as np
 
 from ddmhe.recordings.errors import LogError
-from ddmhe.recordings.sources import library
+from ddmhe.recordings.libraries import library
 from ddmhe.recordings.table import Cells, Table
 
 __all__ = ["arrow_table", "feather_table", "parquet_table"]

@@ -11,6 +11,7 @@ from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from typing import NamedTuple
 
+from ddmhe.checks import shown
 from ddmhe.recordings.errors import LogError
 from ddmhe.recordings.text import Lines
 
@@ -169,7 +170,7 @@ def decimal_of(
     name, cell = commas[0]
     beside = "" if point is None else f" beside {point[1]!r}"
     raise LogError(
-        f"{path}, column {name!r}: {cell!r}{beside} can be read in two ways; --decimal , or "
+        f"{path}, column {name!r}: {shown(cell)}{beside} can be read in two ways; --decimal , or "
         "--decimal . says which mark begins the fraction"
     )
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ddmhe.recordings.arrays import array_table, flattened
 from ddmhe.recordings.errors import LogError
-from ddmhe.recordings.sources import library
+from ddmhe.recordings.libraries import library
 from ddmhe.recordings.table import Table
 
 __all__ = ["hdf5_table"]

@@ -262,7 +262,7 @@ class Log:
             raise LogError(
                 f"{self.path}: gap inside the history at {self.t[row]:.10g} s ({self.place} "
                 f"{self.lines[row]}): expected at most {MOST_INTERPOLATED} missing samples, found "
-                f"{runs.max()}"
+                f"{runs.max()}; --start or --history choose other rows"
             )
         columns = zip(values.T, names, strict=True)
         return np.column_stack([self._column_bridged(c, size, name) for c, name in columns])

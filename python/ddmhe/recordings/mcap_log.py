@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from ddmhe.recordings.errors import LogError
 from ddmhe.recordings.json_lines import table_of_objects
-from ddmhe.recordings.sources import library
+from ddmhe.recordings.libraries import library
 from ddmhe.recordings.table import Cells, Table
 
 __all__ = ["mcap_table"]

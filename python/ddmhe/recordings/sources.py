@@ -21,11 +21,12 @@ from typing import Any
 
 from ddmhe.checks import shown
 from ddmhe.recordings.errors import LogError
+from ddmhe.recordings.libraries import library
 from ddmhe.recordings.options import Reading
 from ddmhe.recordings.table import Table
 from ddmhe.recordings.text_table import text_table
 
-__all__ = ["INPUT", "library", "name_of", "piece_in", "table_of"]
+__all__ = ["INPUT", "name_of", "piece_in", "table_of"]
 
 INPUT = "-"
 """The path that means standard input."""
@@ -213,11 +214,17 @@ def _xz(path: str, data: bytes) -> bytes:
 
 def _zstd(path: str, data: bytes) -> bytes:
     zstandard = library("zstandard", path, "packed with zstd")
+    parts = []
     try:
-        with zstandard.ZstdDecompressor().stream_reader(data, read_across_frames=True) as stream:
-            return bytes(stream.read())
+        while data:
+            frame = zstandard.ZstdDecompressor().decompressobj()
+            parts.append(frame.decompress(data))
+            if not frame.eof:
+                raise ValueError("it ends early")
+            data = frame.unused_data
     except zstandard.ZstdError as e:
         raise ValueError(str(e)) from e
+    return b"".join(parts)
 
 
 _UNPACK: dict[str, Callable[[str, bytes], bytes]] = {
@@ -226,13 +233,3 @@ _UNPACK: dict[str, Callable[[str, bytes], bytes]] = {
     "xz": _xz,
     "zstd": _zstd,
 }
-
-
-def library(name: str, path: str, what: str) -> Any:
-    """A library of the extra `logs`; LogError that names the extra where it is not installed."""
-    try:
-        return import_module(name)
-    except ImportError:
-        raise LogError(
-            f"{path}: {what}, which needs {name.partition('.')[0]}: pip install 'ddmhe[logs]'"
-        ) from None

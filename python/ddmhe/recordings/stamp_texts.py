@@ -11,7 +11,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["DAY", "epoch_texts", "is_stamp", "stamp_texts", "written_like"]
+__all__ = ["Unclear", "epoch_texts", "first_unread", "is_stamp", "stamp_texts", "written_like"]
 
 SECOND = 10**9
 DAY = 86_400 * SECOND
@@ -55,6 +55,19 @@ def stamp_texts(texts: Sequence[str]) -> NDArray[np.int64] | None:
         falls = np.diff(times) < -DAY // 2
         times[1:] += DAY * np.cumsum(falls)
     return times
+
+
+def first_unread(texts: Sequence[str]) -> int:
+    """The first row whose text is no time, of texts that are not all times."""
+    for row, text in enumerate(texts):
+        match = _STAMP.match(text.strip())
+        try:
+            if match is None:
+                return row
+            _time(match.groupdict(), _day_first([match.groupdict()]))
+        except ValueError:
+            return row
+    return 0
 
 
 def epoch_texts(texts: Sequence[str]) -> NDArray[np.int64] | None:

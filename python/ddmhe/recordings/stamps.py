@@ -16,6 +16,7 @@ from ddmhe.recordings.errors import LogError
 from ddmhe.recordings.stamp_texts import (
     Unclear,
     epoch_texts,
+    first_unread,
     is_stamp,
     stamp_texts,
     written_like,
@@ -162,7 +163,7 @@ def _told(table: Table, name: str, cells: Cells) -> Stamps | None:
             "write dates like 2024-05-01, or give --dt SECONDS"
         ) from None
     if ns_of_texts is None:
-        row = next((k for k, text in enumerate(texts) if not is_stamp(text)), 0)
+        row = first_unread(texts)
         raise _no_time(table, name, row, repr(texts[row]))
     return Stamps(texts, 1.0, ns_of_texts, int(ns_of_texts[0]))
 

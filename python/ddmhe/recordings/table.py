@@ -68,8 +68,10 @@ class Table:
         if found is not None:
             return found
         if self.header.count(name) > 1:
+            count = self.header.count(name)
             raise LogError(
-                f"{self.path}: expected one column named {name!r}, found {self.header.count(name)}"
+                f"{self.path}: expected one column named {name!r}, found {count}; give each a name "
+                "of its own"
             )
         ending = [known for known in self.header if _plain(known).endswith("." + _plain(name))]
         if ending:

@@ -82,9 +82,15 @@ def _rows(
     rows = lines.rows[first:]
     if habit.commented:
         rows = [lines.comments[first], *rows[1:]]
-    found = []
+    found: list[tuple[int, list[str]]] = []
     try:
         for number, cells in cells_of(rows, habit.sep):
+            if any("\n" in cell for cell in cells):
+                begun = (found[-1][0] if found else first) + 1
+                raise LogError(
+                    f"{path}, line {begun}: expected a quote that ends on its line, found one that "
+                    f"goes on to line {first + number}"
+                )
             if any(cells):
                 found.append((first + number, cells))
     except csv.Error as e:
@@ -109,7 +115,7 @@ def _table(path: str, rows: list[tuple[int, list[str]]], habit: Habit) -> tuple[
     width = len(header)
     for line, cells in rows:
         if len(cells) > width and any(cells[width:]):
-            hint = ""
+            hint = f"; a cell with {NAMES[habit.sep]} in it needs quotes"
             if habit.sep == "," and len(cells) in (2 * width, 2 * width - 1):
                 hint = "; where a comma is decimal mark and separator, write the file with ';'"
             raise LogError(

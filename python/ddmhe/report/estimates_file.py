@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 from ddmhe._core import Log as Estimates
 from ddmhe.checks import check_path
 from ddmhe.files import FileError, write, write_text
+from ddmhe.recordings.libraries import library
 from ddmhe.recordings.reading import Recorded
-from ddmhe.recordings.sources import library
 from ddmhe.report.trust import reason_words
 
 __all__ = ["ENDINGS", "EstimatesFile", "check_ending", "write_estimates_file"]
