@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ddmhe.checks import shown
 from ddmhe.recordings.errors import LogError, Names
 from ddmhe.recordings.table import Cells, Table
 
@@ -109,11 +110,11 @@ def number(text: str, decimal: str = ".", grouped: bool = False) -> float | None
         if "." in text:
             return None
         text = text.replace(",", ".")
+    fortran = re.fullmatch(r"([+-]?[\d.]+)[dD]([+-]?\d+)", text)
     try:
-        return None if "_" in text else float(text)
+        return None if "_" in text else float(f"{fortran[1]}e{fortran[2]}" if fortran else text)
     except ValueError:
-        fortran = re.fullmatch(r"([+-]?[\d.]+)[dD]([+-]?\d+)", text)
-        return float(f"{fortran[1]}e{fortran[2]}") if fortran else None
+        return None
 
 
 def _wrong(table: Table, name: str, row: int, cell: Any) -> LogError:
@@ -122,5 +123,5 @@ def _wrong(table: Table, name: str, row: int, cell: Any) -> LogError:
         hint = "; --decimal , reads a decimal comma"
     return LogError(
         f"{table.path}, {table.place} {table.places[row]}, column {name!r}: expected a finite "
-        f"number, found {str(cell)!r}{hint}"
+        f"number, found {shown(str(cell))}{hint}"
     )

@@ -29,6 +29,8 @@ LOOK = 5
 step that it lasts."""
 LEAST_JITTER = 0.02
 """Steps that vary by less than this share are not spoken of."""
+MOST_LOST = 2**40
+"""Lost rows beyond this many are not counted."""
 LONGEST_LOOK = 100
 """Beyond this many rows a nominal step that is off by 0.5 % would count as half a sample."""
 
@@ -47,7 +49,8 @@ def samples_of(t: Array) -> NDArray[np.int64]:
     for i in np.flatnonzero(steps > GAP * step):
         ahead = LOOK + min(int(steps[i] / step), LONGEST_LOOK)
         before = late[max(first, i + 1 - LOOK) : i + 1].min()
-        lost[i + 1] = max(round(float(late[i + 1 : i + 1 + ahead].min() - before)), 0)
+        rows = np.nan_to_num(late[i + 1 : i + 1 + ahead].min() - before)
+        lost[i + 1] = round(float(np.clip(rows, 0, MOST_LOST)))
         first = int(i) + 1 if lost[i + 1] else first
     return np.asarray(np.arange(t.size) + np.cumsum(lost), dtype=np.int64)
 

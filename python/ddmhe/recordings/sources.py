@@ -12,7 +12,6 @@ import os
 import re
 import sys
 import zipfile
-import zlib
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from importlib import import_module
@@ -142,7 +141,9 @@ def _by_format(
     if kind in _UNPACK:
         try:
             inside = _UNPACK[kind](path, data)
-        except (OSError, EOFError, ValueError, zlib.error, lzma.LZMAError) as e:
+        except LogError:
+            raise
+        except Exception as e:  # each library has errors of its own
             raise LogError(
                 f"{path}: expected a whole {kind} file, found one that cannot be unpacked ({e})"
             ) from e
@@ -193,7 +194,9 @@ def _zip(path: str, data: bytes) -> tuple[bytes, str]:
                 raise LogError(f"{path}: expected a log file, found a spreadsheet; save it as CSV")
             if len(names) == 1:
                 return packed.read(names[0]), "file"
-    except (zipfile.BadZipFile, zlib.error, EOFError, RuntimeError, NotImplementedError) as e:
+    except LogError:
+        raise
+    except Exception as e:  # a damaged file makes it stumble over anything
         raise LogError(
             f"{path}: expected a whole zip file, found one that cannot be unpacked ({e})"
         ) from e

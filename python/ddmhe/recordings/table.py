@@ -18,6 +18,8 @@ __all__ = ["Cells", "Table"]
 
 SHOWN = 12
 """How many columns a message lists."""
+LONGEST = 40
+"""Characters of a name in that list."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,9 +128,10 @@ class Table:
         folded = [known for known in self.header if known.casefold() == name.casefold()]
         bare = [known for known in self.header if known.split("[")[0].split("(")[0].strip() == name]
         near = (folded or bare or close)[:1]
-        hint = f"; did you mean {near[0]!r}?" if near else ""
+        hint = f"; did you mean {near[0][:LONGEST]!r}?" if near else ""
         more = f", … {len(self.header) - SHOWN} more" if len(self.header) > SHOWN else ""
-        return f"{hint} (columns: {', '.join(self.header[:SHOWN])}{more})"
+        names = ", ".join(name[:LONGEST] for name in self.header[:SHOWN])
+        return f"{hint} (columns: {names}{more})"
 
 
 def _plain(name: str) -> str:

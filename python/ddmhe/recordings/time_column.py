@@ -14,6 +14,7 @@ from ddmhe.recordings.errors import LogError, Names
 from ddmhe.recordings.stamp_texts import is_stamp
 from ddmhe.recordings.table import Cells, Table
 from ddmhe.recordings.time_units import epoch_unit, is_time_name, unit_in_name, unit_word
+from ddmhe.recordings.units import unit_of
 
 __all__ = ["time_column", "with_joined_time"]
 
@@ -35,6 +36,8 @@ def time_column(table: Table, asked: Names, time: str | None) -> tuple[str, str]
     every = (*asked.state, *asked.output, *asked.input)
     own = {table.header[k] for k in map(table.index, every) if k is not None}
     named = [name for name in table.header if is_time_name(name) and name not in own]
+    for name in named:
+        table.find("time", name)  # once in the header
     if len(named) > 1:
         named = _clearest(table, named)
     if len(named) > 1:
@@ -44,8 +47,9 @@ def time_column(table: Table, asked: Names, time: str | None) -> tuple[str, str]
         )
     if named:
         return named[0], "time column"
+    single = [n for n in table.header if n not in own and table.header.count(n) == 1]
     for sure in (_tells, _since_epoch):
-        found = [name for name in table.header if name not in own and sure(table, name)]
+        found = [name for name in single if sure(table, name)]
         if len(found) == 1:
             return found[0], "time column"
     return _first(table, own, asked)
@@ -57,7 +61,9 @@ def _first(table: Table, own: set[str], asked: Names) -> tuple[str, str]:
     taken = [column for column in table.header if column in own and is_time_name(column)]
     if taken:
         _not_asked(table, asked, taken[0])
-    values = None if name in own else _numbers(table.column(name), table.decimal)
+    unit = table.units.get(name) or unit_of(name)
+    other = name in own or (unit and unit_word(unit) is None)
+    values = None if other else _numbers(table.columns[0], table.decimal)
     if values is None or values.size < 2 or not np.all(np.isfinite(values)):
         raise LogError(
             f"{table.path}: no column is known as the time (columns: {', '.join(table.header)}); "
