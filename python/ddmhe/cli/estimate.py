@@ -16,6 +16,7 @@ from rich.console import Console
 from ddmhe import report
 from ddmhe._core import DdMhe, History
 from ddmhe._core import Log as Estimates
+from ddmhe.cli.follow import follow
 from ddmhe.cli.metadata import metadata, read_as
 from ddmhe.cli.options import deviations, log_options
 from ddmhe.cli.printing import print_written, warn
@@ -32,6 +33,17 @@ Array = NDArray[np.float64]
 __all__ = ["command"]
 
 
+OF_ESTIMATOR = (
+    "horizon",
+    "rho",
+    "mu",
+    "space",
+    "start_from",
+    "warm_start",
+    "output_noise",
+    "evidence",
+)
+"""Options that are the estimator's."""
 FIGURES = (".png", ".pdf", ".svg")
 
 
@@ -84,6 +96,13 @@ FIGURES = (".png", ".pdf", ".svg")
     default=None,
     help="Whether to say how far to trust each estimate.  [default: evidence]",
 )
+@click.option("--follow", is_flag=True, help="LOG is still being written: a line in, one out.")
+@click.option(
+    "--resume",
+    type=click.Path(path_type=Path),
+    metavar="FILE",
+    help="With --follow: go on from what a signal left here.",
+)
 def command(
     log: Path, out: Path | None, plot: Path | None, config: Path | None, **given: Any
 ) -> None:
@@ -94,12 +113,15 @@ def command(
     input. Writes a row for every step: time, states, STATE_std, `trusted` (1 or 0), `reasons`
     (novel, uncertain, stuck, outside, joined by +), `status`, OUTPUT_innovation, and STATE_true
     where the log holds the states; prints the errors then."""
+    resume, live = given.pop("resume"), given.pop("follow")
+    if resume is not None and not live:
+        raise click.UsageError("--resume: expected with --follow, found alone")
+    if live:
+        _follow(log, out, plot, config, given, resume)
+        return
     target, figure = _targets(log, out, plot)
     replaced = [path for path in (target, figure) if path is not None and path.exists()]
-    from_file = {} if config is None else read_config(config)
-    for key in READING:
-        found = from_file.pop(key, None)
-        given[key] = found if given[key] is None else given[key]
+    from_file = _from_file(config, given)
     how = read_as(given)
     samples, split = read(log, given)
     named = _settings(from_file, given, split.goes_on)
@@ -126,6 +148,33 @@ def command(
         console.print("nothing was written; --out estimate.csv writes the estimates", markup=False)
     if len(estimates.x) < asked:
         raise click.Abort
+
+
+def _follow(
+    log: Path,
+    out: Path | None,
+    plot: Path | None,
+    config: Path | None,
+    given: dict[str, Any],
+    resume: Path | None,
+) -> None:
+    """A log that is still being written."""
+    from_file = _from_file(config, given)
+    if plot is not None:
+        raise click.BadParameter("expected without --follow, found both", param_hint="--plot")
+    if out is not None:
+        check_writable(out)
+    own = {key: value for key, value in given.items() if key in OF_ESTIMATOR}
+    follow(log, given, lambda goes_on: _settings(from_file, own, goes_on), out, resume)
+
+
+def _from_file(config: Path | None, given: dict[str, Any]) -> dict[str, Any]:
+    """Settings of a file; those that say how to read a log become options."""
+    from_file = {} if config is None else read_config(config)
+    for key in READING:
+        found = from_file.pop(key, None)
+        given[key] = found if given[key] is None else given[key]
+    return from_file
 
 
 def _warn(samples: Log, split: Recorded, warnings: list[str]) -> None:

@@ -29,7 +29,7 @@ from ddmhe.recordings.time_column import time_column, with_joined_time
 
 Array = NDArray[np.float64]
 
-__all__ = ["log_of", "read_log"]
+__all__ = ["log_of", "log_with_table", "read_log"]
 
 
 def read_log(
@@ -86,6 +86,13 @@ def read_log(
 
 def log_of(src: Any, columns: tuple[Any, Any, Any], how: Reading) -> Log:
     """The log of a source: states, outputs and inputs by their names."""
+    return log_with_table(src, columns, how)[0]
+
+
+def log_with_table(
+    src: Any, columns: tuple[Any, Any, Any], how: Reading
+) -> tuple[Log, Table, Stamps]:
+    """The log, the table that it was made of, and the times of all its rows."""
     for option, group in zip(("state", "output", "input"), columns, strict=True):
         check_texts(option, group)
     state, output, known = (tuple(group) for group in columns)
@@ -99,7 +106,8 @@ def log_of(src: Any, columns: tuple[Any, Any, Any], how: Reading) -> Log:
     if piece is not None:
         table, stamps = piece_of(table, stamps, piece)
     order = ordered(table, stamps, name, how.duplicates, how.sort)
-    return _sampled(table, replace(names, time=name), stamps.rows(order.rows), order, how)
+    stamps = stamps.rows(order.rows)
+    return _sampled(table, replace(names, time=name), stamps, order, how), table, stamps
 
 
 def _clocked(table: Table, asked: Names, how: Reading) -> tuple[Table, Stamps, str]:

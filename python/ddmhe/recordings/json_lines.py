@@ -13,7 +13,7 @@ from ddmhe.recordings.errors import LogError
 from ddmhe.recordings.table import Cells, Table
 from ddmhe.recordings.text import decode
 
-__all__ = ["json_table", "table_of_objects"]
+__all__ = ["flat", "json_table", "table_of_objects"]
 
 
 def json_table(path: str, data: bytes, asked: Sequence[str], encoding: str | None) -> Table:
@@ -49,20 +49,21 @@ def _lines(path: str, text: str) -> Iterator[tuple[int, Any]]:
 
 def table_of_objects(path: str, rows: Sequence[tuple[int, Any]], place: str = "line") -> Table:
     """A table of nested objects; a key that one lacks is a cell that is not measured."""
-    flat = [dict(_flat(row, "")) for _, row in rows]
-    header = list(dict.fromkeys(key for row in flat for key in row))
-    columns = [_column([row.get(name) for row in flat]) for name in header]
+    plain = [dict(flat(row)) for _, row in rows]
+    header = list(dict.fromkeys(key for row in plain for key in row))
+    columns = [_column([row.get(name) for row in plain]) for name in header]
     places = np.array([at for at, _ in rows], dtype=np.int64)
     return Table(path, header, columns, places, place)
 
 
-def _flat(value: Any, name: str) -> Iterator[tuple[str, Any]]:
+def flat(value: Any, name: str = "") -> Iterator[tuple[str, Any]]:
+    """What nested objects hold, by their paths."""
     if isinstance(value, Mapping):
         for key, inner in value.items():
-            yield from _flat(inner, f"{name}.{key}" if name else str(key))
+            yield from flat(inner, f"{name}.{key}" if name else str(key))
     elif isinstance(value, list | tuple):
         for k, inner in enumerate(value):
-            yield from _flat(inner, f"{name}[{k}]")
+            yield from flat(inner, f"{name}[{k}]")
     else:
         yield name, value
 

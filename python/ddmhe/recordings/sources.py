@@ -13,7 +13,7 @@ import re
 import sys
 import zipfile
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -25,7 +25,7 @@ from ddmhe.recordings.options import Reading
 from ddmhe.recordings.table import Table
 from ddmhe.recordings.text_table import text_table
 
-__all__ = ["INPUT", "name_of", "piece_in", "table_of"]
+__all__ = ["INPUT", "InMemory", "name_of", "piece_in", "table_of"]
 
 INPUT = "-"
 """The path that means standard input."""
@@ -62,6 +62,14 @@ UNREAD = (
 """Known formats that are not read, and what to do."""
 
 
+@dataclass(frozen=True)
+class InMemory:
+    """A file's bytes that were read already."""
+
+    path: str
+    data: bytes
+
+
 def name_of(src: Any) -> str:
     """What messages call a source."""
     if isinstance(src, str | os.PathLike):
@@ -79,6 +87,8 @@ def piece_in(src: Any) -> tuple[Any, int | None]:
 
 def table_of(src: Any, asked: Sequence[str], how: Reading) -> Table:
     """The table of a source, in which the columns `asked` are looked for."""
+    if isinstance(src, InMemory):
+        return _by_format(src.path, None, src.data, asked, how)
     if not isinstance(src, str | os.PathLike):
         from ddmhe.recordings.arrays import frame_table
 

@@ -43,6 +43,8 @@ class Table:
     """Whether the other mark, "," or ".", may group thousands."""
     notes: tuple[str, ...] = ()
     """What was inferred on the way, one phrase each."""
+    sep: str | None = None
+    """What parts the cells of a text; None for other formats."""
     digest: str | None = None
     """SHA-256 of the bytes that were read; None for frames."""
 

@@ -55,7 +55,7 @@ def text_table(
         notes.append("decimal comma")
     above = _above(lines, habit)
     said = (*_of_separator(habit), *notes, *above, *more, *of_units, *cut)
-    return replace(table, decimal=mark, grouped=grouped, notes=said)
+    return replace(table, decimal=mark, grouped=grouped, notes=said, sep=habit.sep)
 
 
 def _of_separator(habit: Habit) -> list[str]:
