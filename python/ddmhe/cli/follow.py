@@ -21,6 +21,7 @@ import numpy as np
 from ddmhe._core import DdMhe, DdmheError, Estimate
 from ddmhe.checks import check_path
 from ddmhe.cli.printing import warn
+from ddmhe.cli.telling import in_words_of
 from ddmhe.files import write
 from ddmhe.recordings.csv_log import log_with_table
 from ddmhe.recordings.errors import LogError
@@ -150,7 +151,7 @@ def follow(
         est = DdMhe(begun.history, **settings(begun.goes_on))
         names, time = list(begun.names.state), begun.names.time
         print(f"ddmhe: {begun.log.path}: {'; '.join(begun.notes)}", file=sys.stderr)
-        for sentence in est.warnings:
+        for sentence in in_words_of(begun.names, est.warnings):
             warn(sentence)
     with _opened(out, begun is None) as target:
         writer = Writer(target, stream.format.sep is None, names, time)

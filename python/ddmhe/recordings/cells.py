@@ -64,9 +64,9 @@ def words_for_nothing(table: Table, name: str) -> dict[str, int]:
     cells = table.column(name)
     if isinstance(cells, np.ndarray) and cells.dtype.kind in "fiub":
         return {}
-    texts = (str(cell).strip() for cell in cells)
-    words = Counter(t for t in texts if says_nothing(t) and t.lower() not in ("", "nan", "none"))
-    return dict(words)
+    unknown = np.flatnonzero(np.isnan(column(table, name))).tolist()
+    texts = (str(cells[k]).strip() for k in unknown)
+    return dict(Counter(text for text in texts if text.lower() not in ("", "nan", "none")))
 
 
 def _of_array(table: Table, name: str, cells: NDArray[Any]) -> Array | None:

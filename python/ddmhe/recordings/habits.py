@@ -48,13 +48,12 @@ def is_number(cell: str) -> bool:
 
 
 def cells_of(rows: Iterable[str], sep: str) -> Iterator[tuple[int, list[str]]]:
-    """The rows of cells, stripped, each with the number of its last line counted from 1; blank
-    ones too."""
+    """The rows of cells, each with the number of its last line counted from 1; blank ones too."""
     if sep == " ":
         rows = (row.replace("\t", " ").strip() for row in rows)
     reader = csv.reader((row + "\n" for row in rows), delimiter=sep, skipinitialspace=True)
     for row in reader:
-        yield reader.line_num, [cell.strip() for cell in row]
+        yield reader.line_num, row
 
 
 def habit_of(path: str, lines: Lines, sep: str | None, asked: Sequence[str]) -> Habit:
@@ -104,7 +103,7 @@ def _header(lines: Lines, sep: str, asked: Sequence[str]) -> int | None:
 
 def _cells(line: str, sep: str) -> list[str]:
     try:
-        return next(cells_of([line], sep), (0, []))[1]
+        return [cell.strip() for cell in next(cells_of([line], sep), (0, []))[1]]
     except csv.Error:
         return []
 
@@ -159,13 +158,13 @@ def decimal_of(
         (name, cell)
         for name, cells in named
         for cell in cells
-        if "," in cell and (is_number(cell) or _BOTH.match(cell))
+        if "," in cell and (is_number(cell.strip()) or _BOTH.match(cell.strip()))
     ]
     if not commas:
         return ".", False
     point = _with_point(named)
     plain = not any("." in cell for _, cell in commas)
-    if plain and point is None and any(not _GROUPS.match(cell) for _, cell in commas):
+    if plain and point is None and any(not _GROUPS.match(cell.strip()) for _, cell in commas):
         return ",", False
     name, cell = commas[0]
     beside = "" if point is None else f" beside {point[1]!r}"
@@ -176,5 +175,5 @@ def decimal_of(
 
 
 def _with_point(named: Sequence[tuple[str, Sequence[str]]]) -> tuple[str, str] | None:
-    found = ((name, c) for name, cells in named for c in cells if "." in c and is_number(c))
+    found = ((name, c) for name, cells in named for c in cells if "." in c and is_number(c.strip()))
     return next(found, None)

@@ -73,6 +73,8 @@ def first_unread(texts: Sequence[str]) -> int:
 def epoch_texts(texts: Sequence[str]) -> NDArray[np.int64] | None:
     """Seconds since 1970 with a fraction, as whole nanoseconds (N,): more digits than a float64
     has; None where a text is none."""
+    if not texts or _EPOCH.match(texts[0].strip()) is None:
+        return None
     found = [_EPOCH.match(text.strip()) for text in texts]
     if not all(found):
         return None
@@ -88,7 +90,8 @@ def written_like(text: str, ns: int) -> str:
     if match is None:  # epoch seconds
         return f"{ns // SECOND}.{ns % SECOND:09d}"
     part = match.groupdict()
-    digits = len(part["f"] or part["f2"] or part["only_f"] or "")
+    needed = len(f"{ns % SECOND:09d}".rstrip("0"))
+    digits = max(needed, len(part["f"] or part["f2"] or part["only_f"] or ""))
     moment = ns if part["only_H"] is not None else ns + _zone(part)
     stamp = np.datetime64(moment, "ns")
     iso = np.datetime_as_string(stamp, unit="ns")[: 19 + (digits + 1 if digits else 0)]

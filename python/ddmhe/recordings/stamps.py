@@ -152,9 +152,9 @@ def _told(table: Table, name: str, cells: Cells) -> Stamps | None:
         return Stamps(cells, 1.0, ns, int(ns[0]))
     if isinstance(cells, np.ndarray) and cells.dtype.kind != "O" and cells.dtype.kind != "U":
         return None
-    texts = [str(cell) for cell in cells]
-    if not is_stamp(texts[0]):
+    if not is_stamp(str(cells[0])):
         return None
+    texts = [str(cell) for cell in cells]
     try:
         ns_of_texts = stamp_texts(texts)
     except Unclear:

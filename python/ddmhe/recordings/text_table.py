@@ -50,7 +50,8 @@ def text_table(
     texts = zip(table.header, table.columns, strict=True)
     every = [(name, cells) for name, cells in texts if not isinstance(cells, np.ndarray)]
     named = [(name, cells) for name, cells in every if name in asked or is_time_name(name)]
-    mark, grouped = decimal_of(path, named or every, decimal)
+    plain = habit.sep == "," and '"' not in text  # then no cell has a comma
+    mark, grouped = decimal_of(path, [] if plain else named or every, decimal)
     if decimal is None and mark == ",":
         notes.append("decimal comma")
     above = _above(lines, habit)
@@ -83,14 +84,15 @@ def _rows(
     if habit.commented:
         rows = [lines.comments[first], *rows[1:]]
     found: list[tuple[int, list[str]]] = []
+    last = 0
     try:
         for number, cells in cells_of(rows, habit.sep):
-            if any("\n" in cell for cell in cells):
-                begun = (found[-1][0] if found else first) + 1
+            if number > last + 1:
                 raise LogError(
-                    f"{path}, line {begun}: expected a quote that ends on its line, found one that "
-                    f"goes on to line {first + number}"
+                    f"{path}, line {first + last + 1}: expected a quote that ends on its line, "
+                    f"found one that goes on to line {first + number}"
                 )
+            last = number
             if any(cells):
                 found.append((first + number, cells))
     except csv.Error as e:
@@ -109,7 +111,7 @@ def _table(path: str, rows: list[tuple[int, list[str]]], habit: Habit) -> tuple[
         header = [str(k + 1) for k in range(len(rows[0][1]))]
         notes.append("no header line, columns are called 1, 2, …")
     else:
-        header, rows = rows[0][1], rows[1:]
+        header, rows = [name.strip() for name in rows[0][1]], rows[1:]
     if not rows:
         raise LogError(f"{path}: expected samples after the header line, found none")
     width = len(header)
@@ -137,7 +139,7 @@ def _below_header(table: Table) -> tuple[Table, list[str]]:
     states."""
     words = []
     for k in range(min(ABOVE, len(table) - 1)):
-        cells = [column[k] for column in table.columns]
+        cells = [str(column[k]).strip() for column in table.columns]
         if any(is_number(c) or is_stamp(c) for c in cells) or all(map(says_nothing, cells)):
             break
         if any(c.count(",") for c in cells):
