@@ -238,6 +238,24 @@ def test_blank_cells_inside_the_history_are_bridged_and_said(tmp_path):
             read(written(path, text(rows=rows)), **COMMON)
 
 
+def test_what_is_read_says_its_sizes(tmp_path):
+    path = written(tmp_path / "log.csv", text())
+    r = read(path, **COMMON)
+    assert repr(r) == f"Recorded({str(path)!r}, T=150, N=89, n=2, p=1, dt=0.02 s)"
+    assert (len(r), len(r.log)) == (N - T - 1, N)
+    assert repr(r.log) == f"Log({str(path)!r}, N=240, n=2, p=1, dt=0.02 s)"
+
+
+def test_the_end_of_a_path_is_a_name_and_is_said(tmp_path):
+    path = written(tmp_path / "log.csv", text(["time_s", "arm.w1", "arm.w2", "q1"]))
+    r = read(path, **COMMON)
+    assert "columns: w1 is arm.w1, w2 is arm.w2" in r.notes
+    assert r.names.state == ("w1", "w2")
+    path = written(path, text(["time_s", "arm.w1", "leg.w1", "q1"]))
+    with pytest.raises(LogError, match=r"found 'w1', which may be 'arm.w1' or 'leg.w1'"):
+        read(path, **COMMON | {"state": ["w1"]})
+
+
 def estimate(path, options, run=in_here, out=None, stdin=None):
     columns = ["--state", options.pop("state", "w1,w2"), "--output", "q1", "--history", HISTORY]
     more = [part for pair in options.items() for part in pair if part is not True]

@@ -102,12 +102,21 @@ def log_with_table(
     names = Names("", *(table.joined(group) for group in (state, output, known)))
     check_columns(table, names)  # before a clock that is not found is spoken of
     _check_unwrap(how.unwrap, names)
+    table = table.noted(*_resolved(table, names))
     table, stamps, name = _clocked(table, names, how)
     if piece is not None:
         table, stamps = piece_of(table, stamps, piece)
     order = ordered(table, stamps, name, how.duplicates, how.sort)
     stamps = stamps.rows(order.rows)
     return _sampled(table, replace(names, time=name), stamps, order, how), table, stamps
+
+
+def _resolved(table: Table, names: Names) -> list[str]:
+    """What is said of names that are the end of a path."""
+    every = dict.fromkeys((*names.state, *names.output, *names.input))
+    pairs = [(name, table.header[k]) for name in every if (k := table.index(name)) is not None]
+    ends = [f"{name} is {path}" for name, path in pairs if name != path]
+    return [f"columns: {', '.join(ends)}"] if ends else []
 
 
 def _clocked(table: Table, asked: Names, how: Reading) -> tuple[Table, Stamps, str]:

@@ -90,15 +90,17 @@ def _stated(sep: str) -> str:
 
 
 def _header(lines: Lines, sep: str, asked: Sequence[str]) -> int | None:
-    """The first line that has all columns asked for as cells."""
-    wanted = set(asked)
+    """The last line above the samples that has all columns asked for as cells."""
+    wanted, found = set(asked), None
     for k, row in enumerate(lines.rows[:FIRST]):
         cells = _cells(lines.comments.get(k, row), sep)
         quoted = [cell for cell in cells if "," in cell and len(cells) > 1]
         parts = [part.strip() for cell in quoted for part in cell.split(",")]
         if wanted <= {*cells, *parts}:
-            return k
-    return None
+            found = k
+        elif found is not None and any(map(is_number, cells)) and k not in lines.comments:
+            break
+    return found
 
 
 def _cells(line: str, sep: str) -> list[str]:

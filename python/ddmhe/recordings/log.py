@@ -106,6 +106,17 @@ class Log:
     filled: bool = False
     """Whether `fill_gaps` made it: then blank cells inside the history are bridged, too."""
 
+    def __len__(self) -> int:
+        """Rows N."""
+        return len(self.t)
+
+    def __repr__(self) -> str:
+        """Sizes and source, not the numbers."""
+        sizes = f"N={len(self)}, n={self.x.shape[1]}, p={self.y.shape[1]}"
+        inputs = "" if self.u is None else f", m={self.u.shape[1]}"
+        gaps = f", {len(self.gaps)} gaps" if self.gaps else ""
+        return f"Log({self.path!r}, {sizes}{inputs}, dt={self.dt:.6g} s{gaps})"
+
     def unit(self, column: str) -> str:
         """The unit of a column, "" where neither a line of units nor its name states one."""
         return self.units.get(column) or unit_of(column)

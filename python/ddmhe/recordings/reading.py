@@ -58,6 +58,19 @@ class Recorded:
     goes_on: bool
     """Whether the outputs follow the recording's end without a break."""
 
+    def __len__(self) -> int:
+        """Outputs N."""
+        return len(self.Y)
+
+    def __repr__(self) -> str:
+        """Sizes and source, not the numbers."""
+        h = self.history
+        inputs = f", m={h.m}" if h.m else ""
+        return (
+            f"Recorded({self.log.path!r}, T={h.T}, N={len(self)}, n={h.n}, p={h.p}{inputs}, "
+            f"dt={h.dt:.6g} s)"
+        )
+
     @property
     def split(self) -> Split:
         """The same, as `Log.split` gives it."""

@@ -21,6 +21,8 @@ __all__ = ["text_table"]
 
 ABOVE = 3
 """Lines without a number that may stand between header and samples: units, types, long names."""
+BELOW = 3
+"""Lines of text that may stand below the samples."""
 TYPES = frozenset(
     """float double int integer single real number numeric string str bool""".split()  # noqa: SIM905
 )
@@ -97,11 +99,34 @@ def _rows(
                 found.append((first + number, cells))
     except csv.Error as e:
         raise LogError(f"{path}: expected a CSV table, found one that cannot be read ({e})") from e
-    width = len(found[0][1])
+    return _trimmed(found, ended, habit.header is not None)
+
+
+def _trimmed(
+    found: list[tuple[int, list[str]]], ended: bool, headed: bool
+) -> tuple[list[tuple[int, list[str]]], list[str]]:
+    """The rows without what is none: a last one that is cut short, words below the samples, the
+    header once more."""
+    header, width, notes = found[0][1], len(found[0][1]), []
     if not ended and len(found) > 2 and len(found[-1][1]) < width == len(found[-2][1]):
-        line, _ = found.pop()
-        return found, [f"line {line}, the last, is cut short and left out"]
-    return found, []
+        notes.append(f"line {found.pop()[0]}, the last, is cut short and left out")
+    below = 0
+    while below < BELOW and len(found) > 2 and _is_remark(found[-1][1], width):
+        found.pop()
+        below += 1
+    notes += [f"{below} lines below the samples left out"] if below else []
+    again = [line for line, cells in found[1:] if headed and cells == header]
+    if again:
+        notes.append(f"header repeated in line {', '.join(map(str, again))}")
+        found = [found[0], *(row for row in found[1:] if row[1] != header)]
+    return found, notes
+
+
+def _is_remark(cells: list[str], width: int) -> bool:
+    """Whether a row is one text, and no sample."""
+    text = cells[0].strip()
+    alone = width > 1 and text != "" and not any(cells[1:])
+    return alone and not is_number(text) and not is_stamp(text) and not says_nothing(text)
 
 
 def _table(path: str, rows: list[tuple[int, list[str]]], habit: Habit) -> tuple[Table, list[str]]:
