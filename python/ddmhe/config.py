@@ -12,6 +12,9 @@ process_noise = "residual"       # or "recorded", "none", or [[1e-4, 0.0], [0.0,
 w_bounds = [-0.1, 0.1]
 output_noise = 0.01              # or one an output, [0.01, 0.02]
 evidence = true                  # false: estimates do not say how far to trust them
+gate = 5.0                       # or "auto": outputs that cannot be right are rejected
+stuck = "missing"                # an output that is stuck counts as not measured
+start = "unknown"                # or "auto", "recording", "state"
 missing = [-9999, 999]           # for the command line: numbers of a log that say "not measured"
 space = { kind = "truncated", rank = 5 }   # or "auto", "exact", or a ridge:
 # space = { kind = "ridge", weight = 1e-2, normalised = true }

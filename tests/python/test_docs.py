@@ -12,7 +12,7 @@ def test_python_example_runs(capsys):
     assert len(blocks) == 5
     exec(compile("\n".join(blocks), "README.md", "exec"), {})
     printed = capsys.readouterr().out
-    assert "optimal (2, 3)" in printed  # one output in: a window of two states
+    assert "optimal (21, 3)" in printed  # M + 1 states: the window begins in the recording
     assert "['optimal']" in printed
     assert float(re.search(r"within 3 standard deviations: (\S+)", printed)[1]) > 0.99
     since = re.search(r"trusted for (\S+) s, then novel: True", printed)[1]

@@ -54,6 +54,10 @@ pub struct Evidence {
     pub innovation_variance: Vec<f64>,
     /// Whether each output repeats one value longer than it ever did in the recording (p).
     pub stuck: Vec<bool>,
+    /// Whether each entry of the newest output was rejected (p): see [`ddmhe_run::gating`].
+    pub gated: Vec<bool>,
+    /// Whether the run started again with the newest output, because the state has jumped.
+    pub restarted: bool,
 }
 
 /// What speaks for a window being like the recording.
@@ -86,6 +90,7 @@ impl Evidence {
             innovation: vec![f64::NAN; p],
             innovation_variance: vec![0.0; p],
             stuck: vec![false; p],
+            gated: vec![false; p],
             ..Evidence::default()
         }
     }
@@ -99,6 +104,8 @@ impl Evidence {
         self.innovation_variance.copy_from_slice(found.innovation_variance);
         let repeats = found.repeats.iter().zip(found.patience);
         self.stuck.iter_mut().zip(repeats).for_each(|(to, (count, most))| *to = count >= most);
+        self.gated.iter_mut().zip(found.gated).for_each(|(to, gated)| *to = *gated > 0.0);
+        self.restarted = found.restarted;
     }
 }
 
@@ -140,6 +147,10 @@ pub struct EvidenceLog {
     pub innovation_variance: Vec<f64>,
     /// N·p
     pub stuck: Vec<bool>,
+    /// N·p
+    pub gated: Vec<bool>,
+    /// N
+    pub restarted: Vec<bool>,
 }
 
 impl EvidenceLog {
@@ -153,6 +164,8 @@ impl EvidenceLog {
         self.innovation.extend_from_slice(&of.innovation);
         self.innovation_variance.extend_from_slice(&of.innovation_variance);
         self.stuck.extend_from_slice(&of.stuck);
+        self.gated.extend_from_slice(&of.gated);
+        self.restarted.push(of.restarted);
     }
 
     fn reserve(&mut self, steps: usize, n: usize, p: usize) {
@@ -163,6 +176,8 @@ impl EvidenceLog {
         self.innovation.reserve_exact(steps * p);
         self.innovation_variance.reserve_exact(steps * p);
         self.stuck.reserve_exact(steps * p);
+        self.gated.reserve_exact(steps * p);
+        self.restarted.reserve_exact(steps);
     }
 }
 

@@ -8,11 +8,12 @@ use crate::config_checks::{check_beside, check_box, check_measured, check_output
 use crate::design::Design;
 use crate::error::Error;
 use crate::estimate::{Estimate, Log};
-use crate::first_window::filled;
 use crate::history::History;
 use crate::interrupt::Interrupt;
 use crate::magnitude::check_reach;
-use crate::run::{Run, Saved};
+use crate::needs::Needs;
+use crate::run::Run;
+use crate::saved::Saved;
 use crate::tol;
 use std::sync::Arc;
 
@@ -70,9 +71,9 @@ impl DdMhe {
     /// [`Error::Rank`] when the recording is too short for the horizon or violates the rank
     /// condition (7).
     pub fn new(history: &History, config: Config) -> Result<Self, Error> {
-        let design = Design::new(history, &config, config.start)?;
-        let mut mhe =
-            DdMhe { run: Run::new(&design, config.start), design: Arc::new(design), config };
+        let start = config.begins();
+        let design = Design::new(history, &config, Needs::of(&config, start))?;
+        let mut mhe = DdMhe { run: Run::new(&design, start), design: Arc::new(design), config };
         mhe.prepare(mhe.run.start)?;
         mhe.restart(None);
         Ok(mhe)
@@ -148,7 +149,7 @@ impl DdMhe {
             // the window of the last step is there to be looked at
             let last = stopped || k + 1 == steps;
             if !alone || last || !self.run.advance_alone(&self.design, sample) {
-                self.run.advance(&self.design, sample, None);
+                self.advance(sample.0, sample.1, None);
             }
             let estimate = &self.run.estimate;
             log.x.extend_from_slice(&estimate.x);
@@ -173,7 +174,7 @@ impl DdMhe {
     /// # Errors
     /// [`Error::Shape`] or [`Error::NotFinite`] for `x_prior`.
     pub fn reset(&mut self, x_prior: Option<&[f64]>) -> Result<(), Error> {
-        let start = if x_prior.is_some() { Start::State } else { self.config.start };
+        let start = if x_prior.is_some() { Start::State } else { self.config.begins() };
         self.reset_from(start, x_prior)
     }
 
@@ -190,7 +191,8 @@ impl DdMhe {
             check_start(start)?;
         }
         check_beside(&self.config, start)?;
-        self.prepare(start)?;
+        let prior = x_prior.or(self.config.x_prior.as_deref()).is_some();
+        self.prepare(self.config.resolved(start, prior))?;
         self.restart(x_prior);
         Ok(())
     }
@@ -220,14 +222,12 @@ impl DdMhe {
             let found = "an estimator with error bounds";
             return Err(Error::value("disturbance", "none, for a plan", found));
         }
-        let start = self.config.start; // of a new run, whatever this one is
-        let Design { history, settings, ground, .. } = &*self.design;
-        if ground.sizes().filled != filled(history, start, settings.horizon) {
-            return DdMhe::new(history, self.config.clone())?.plan();
+        // of a new run, whatever this one is
+        let needs = Needs::in_flight(&self.config, self.config.begins());
+        if self.design.serves(needs) {
+            return Ok(self.design.plan(needs));
         }
-        let opening = self.design.opening.get().filter(|_| start == Start::Unknown);
-        let opening = opening.map_or(&[][..], |opening| &opening.problems);
-        Ok(self.design.ground.bytes(&self.design.problems, opening))
+        Ok(Design::new(&self.design.history, &self.config, needs)?.plan(needs))
     }
 
     /// The configuration that was asked for.
@@ -241,7 +241,7 @@ impl DdMhe {
         self.run.bound.is_some()
     }
 
-    /// Where this run started.
+    /// Where this run started; [`Start::Auto`] as long as that is still to be found.
     pub fn start(&self) -> Start {
         self.run.start
     }
@@ -291,11 +291,13 @@ impl DdMhe {
 
     /// Everything that a run from this start needs.
     fn prepare(&mut self, start: Start) -> Result<(), Error> {
-        let made = match start != Start::Recording && !self.design.reaches(1) {
-            true => Some(Arc::new(Design::new(&self.design.history, &self.config, start)?)),
+        let needs = Needs::of(&self.config, start);
+        let grows = matches!(start, Start::State | Start::Unknown);
+        let made = match grows && !self.design.reaches(1) {
+            true => Some(Arc::new(Design::new(&self.design.history, &self.config, needs)?)),
             false => None,
         };
-        if start == Start::Unknown {
+        if needs.opens {
             made.as_ref().unwrap_or(&self.design).open()?;
         }
         if let Some(design) = made {
@@ -324,7 +326,36 @@ impl DdMhe {
 
     /// One step on checked input.
     fn advance(&mut self, y: &[f64], u: &[f64], x_bounds: Option<&Bounds>) -> &Estimate {
-        self.run.advance(&self.design, (y, u), x_bounds)
+        self.run.advance(&self.design, (y, u), x_bounds);
+        if self.run.first.is_some() {
+            self.find_start(y, u, x_bounds);
+        }
+        &self.run.estimate
+    }
+
+    /// Whether the run goes on from the recording's end; where not, it starts over from an unknown
+    /// state with all outputs since.
+    #[cold]
+    fn find_start(&mut self, y: &[f64], u: &[f64], x_bounds: Option<&Bounds>) {
+        let Some(first) = &mut self.run.first else { return };
+        first.extend(y.iter().chain(u));
+        if self.run.goes_on {
+            if self.run.t >= self.design.settings.horizon {
+                (self.run.first, self.run.start) = (None, Start::Recording);
+            }
+            return;
+        }
+        let (samples, t) = (self.run.first.take().unwrap_or_default(), self.run.t);
+        if self.prepare(Start::Unknown).is_err() {
+            (self.run.start, self.run.doubts.kept) = (Start::Recording, true);
+        } else {
+            self.restart(None);
+            for (k, sample) in samples.chunks_exact(y.len() + u.len()).enumerate() {
+                let bounds = x_bounds.filter(|_| k + 1 == t);
+                self.run.advance(&self.design, sample.split_at(y.len()), bounds);
+            }
+        }
+        self.run.doubts.elsewhere = Some(t);
     }
 
     /// Inputs of so many samples, all known.

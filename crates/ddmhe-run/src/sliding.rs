@@ -56,6 +56,12 @@ impl SlidingBuffer {
         self.len = self.len.saturating_sub(1);
     }
 
+    /// Forgets all but the newest samples.
+    pub fn keep(&mut self, samples: usize) {
+        let forgotten = self.len.saturating_sub(samples);
+        (self.start, self.len) = (self.start + forgotten, self.len - forgotten);
+    }
+
     /// Forgets all.
     pub fn clear(&mut self) {
         (self.start, self.len) = (0, 0);

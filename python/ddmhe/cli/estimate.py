@@ -16,7 +16,7 @@ from rich.console import Console
 from ddmhe import report
 from ddmhe._core import DdMhe, History
 from ddmhe._core import Log as Estimates
-from ddmhe.cli.options import deviations, log_options
+from ddmhe.cli.options import deviations, gate, log_options
 from ddmhe.cli.printing import print_written, warn
 from ddmhe.cli.reading import read, untold
 from ddmhe.cli.telling import in_words_of
@@ -59,8 +59,8 @@ FIGURES = (".png", ".pdf", ".svg")
 @click.option(
     "--start-from",
     type=click.Choice(["auto", "recording", "state", "unknown"]),
-    help="The recording's end, a state (x_prior, or the last recorded one), or anywhere.  "
-    "[default: auto: recording]",
+    help="Where the run starts: the recording's end, a state (x_prior, or the last recorded one), "
+    "or anywhere; auto finds out whether it goes on from the recording.  [default: auto]",
 )
 @click.option(
     "--warm-start/--no-warm-start",
@@ -72,6 +72,18 @@ FIGURES = (".png", ".pdf", ".svg")
     callback=deviations,
     metavar="SD[,SD,...]",
     help="Standard deviation of the noise of later outputs.  [default: the recording's]",
+)
+@click.option(
+    "--gate",
+    callback=gate,
+    metavar="auto|K",
+    help="Reject outputs that are K deviations from what all others say they are, and start again "
+    "where the state has jumped.  [default: none]",
+)
+@click.option(
+    "--stuck",
+    type=click.Choice(["tell", "missing"]),
+    help="What becomes of an output that repeats one value too long.  [default: tell]",
 )
 @click.option(
     "--evidence/--no-evidence",
@@ -162,9 +174,10 @@ def _settings(from_file: dict[str, Any], given: dict[str, Any]) -> dict[str, Any
     settings = named | {
         key: value for key, value in given.items() if value is not None and key != "start_from"
     }
-    if given["start_from"] not in (None, "auto"):
+    if given["start_from"] is not None:
         settings["start"] = given["start_from"]
-    if not {"start", "warm_start", "x_prior"} & set(settings):
+    known = {"start", "warm_start", "x_prior"} & set(settings)
+    if not known and (settings.get("evidence") is False or "disturbance" in settings):
         settings["start"] = "recording"  # the log goes on where its history ends
     if isinstance(given["space"], str):
         settings["space"] = space_from_text(given["space"])

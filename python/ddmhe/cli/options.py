@@ -57,6 +57,16 @@ def deviations(
     return found[0] if found is not None and len(found) == 1 else found
 
 
+def gate(ctx: click.Context, param: click.Parameter, value: str | None) -> float | str | None:
+    """A number of deviations, or "auto"."""
+    if value is None or value == "auto":
+        return value
+    try:
+        return float(value)
+    except ValueError:
+        raise click.BadParameter(f"expected auto or a number, found {value!r}") from None
+
+
 def _parsed(value: str) -> tuple[float, ...]:
     """The numbers of a comma-separated list; none where one of them is no number."""
     try:

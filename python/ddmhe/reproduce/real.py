@@ -73,8 +73,8 @@ def estimators(history: History) -> Mapping[str, Callable[[], Any]]:
         return DdMhe(history, **found.settings, start=found.start)
 
     return {
-        "Dd-MHE, defaults": lambda: DdMhe(history, start="state"),
-        "Dd-MHE, defaults, warm start": lambda: DdMhe(history, start="recording"),
+        "Dd-MHE, defaults": lambda: DdMhe(history),
+        "Dd-MHE, from the last state": lambda: DdMhe(history, start="state"),
         "Dd-MHE, tuned": tuned,
         "Dd-MHE, paper's weights": lambda: DdMhe(history, 20, 0.9, 1e5, start="state"),
         "Dd-KMHE, paper's weights": lambda: KoopmanMhe(history, 20, 0.9, 1e5),

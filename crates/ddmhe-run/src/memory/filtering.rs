@@ -221,6 +221,14 @@ impl Filtering {
         square(&block[self.innovations.last(depth)])
     }
 
+    /// Of so many outputs.
+    pub fn keep(&mut self, outputs: usize) {
+        if self.innovations.width > 0 {
+            self.innovations.keep(outputs);
+        }
+        self.losses.clear();
+    }
+
     /// The newest output is taken back.
     pub fn retract(&mut self) {
         self.innovations.retract();

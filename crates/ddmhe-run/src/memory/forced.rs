@@ -51,6 +51,12 @@ impl Forced {
         }
     }
 
+    /// Where the forced part of the newest output is (p).
+    pub fn newest_output(self, at: Stretches) -> core::ops::Range<usize> {
+        let first = self.motion + (at.depth - 1) * self.stride + at.states.width;
+        first..first + at.outputs.width
+    }
+
     /// The outputs of the window without their forced motion.
     #[inline(always)]
     pub fn free(self, block: &mut [f64], at: Stretches) {
