@@ -13,6 +13,7 @@ from rich.progress import Progress
 
 from ddmhe import report
 from ddmhe._core import DdmheError
+from ddmhe.checks import word
 from ddmhe.cli.options import directory_option, radius, reading_options
 from ddmhe.cli.printing import print_written
 from ddmhe.cli.reading import read
@@ -93,7 +94,7 @@ def _log(log: Path, out: Path, given: dict[str, Any]) -> None:
     verdict = judge(bounds.lower, bounds.upper, (model.lower, model.upper), split.t, names[0])
     console = Console()
     console.print(
-        report.table(f"Intervals of {log.name}", {"": _rows(model, bounds, split, names)})
+        report.table(f"Intervals of {word(log.name)}", {"": _rows(model, bounds, split, names)})
     )
     for words in (model.words, f"verdict: {verdict.words}"):
         console.print(words, markup=False, highlight=False, soft_wrap=True)
