@@ -272,6 +272,50 @@ def test_whole_numbers_beyond_a_double_are_one_sentence(number):
     refused(lambda: read_log(path, ["a"], ["y"]).split(number))
 
 
+class Named:
+    """Something whose own words are those of the attack."""
+
+    def __init__(self, name):
+        self.name = name
+        self.__class__ = type(name.replace("\0", ""), (Named,), {})
+
+    def __repr__(self):
+        return self.name
+
+    def __array__(self, dtype=None, copy=None):
+        raise RuntimeError(self.name)
+
+
+@pytest.mark.parametrize("name", NASTY, ids=range(len(NASTY)))
+def test_arguments_are_told_in_one_line(name):
+    odd, x, y = Named(name), [[0.0], [1.0], [2.0]], [[1.0], [2.0]]
+    record = np.zeros(2, dtype=[(name, float), *((f"field {k}", float) for k in range(300))])
+    other = ddmhe.History(x, y, x_units=[name])
+    plain = ddmhe.History(x, y)
+    certificate = ddmhe.design.Certificate(0.9, *[np.eye(1)] * 3, 0.0)
+    object.__setattr__(certificate, name, 1)
+    for call in (
+        lambda: ddmhe.DdMhe(H, 5, weights=name), lambda: ddmhe.DdMhe(H, 5, start=name),
+        lambda: ddmhe.DdMhe(H, 5, soft={name: 1.0}), lambda: ddmhe.DdMhe(H, 5, soft=odd),
+        lambda: ddmhe.DdMhe(H, odd), lambda: ddmhe.DdMhe(odd), lambda: ddmhe.DdMhe(H, 5, rho=odd),
+        lambda: ddmhe.DdMhe(H, 5, x_prior=odd), lambda: ddmhe.DdMhe(H, 5, x_prior=record),
+        lambda: ddmhe.DdMhe(H, 5, x_bounds=odd), lambda: ddmhe.DdMhe(H, 5, space=odd),
+        lambda: ddmhe.DdMhe(H, 5, certificate=certificate), lambda: ddmhe.History(odd, y),
+        lambda: ddmhe.History(record, y), lambda: ddmhe.History(x, y, x_units=[odd] * 1000),
+        lambda: ddmhe.History.concat([plain, other]), lambda: ddmhe.History.concat([odd]),
+        lambda: ddmhe.History.concat([other, plain]), lambda: ddmhe.History.concat(odd),
+        lambda: ddmhe.History.from_bytes(odd), lambda: ddmhe.DdMhe.restore(odd),
+        lambda: ddmhe.Zonotope([0.0], [[1.0]]).minkowski_sum(odd),
+        lambda: ddmhe.Zonotope([0.0], [[1.0]]).reduce(1, name), lambda: ddmhe.run_many(odd, []),
+        lambda: ddmhe.run_many([odd], [y]), lambda: ddmhe.models.pendulum(**{name: 1}),
+    ):  # fmt: skip
+        refused(call)
+    with pytest.raises(TypeError) as e:
+        ddmhe.DdMhe(H, 5, **{name: 1})
+    assert str(e.value).isprintable()
+    assert len(str(e.value)) < LONGEST
+
+
 @pytest.mark.long
 @profile(3000)
 @given(damaged(LOG), HOW)
