@@ -130,6 +130,29 @@ def a_command(arguments, data):
     assert "Traceback" not in result.stderr + result.stdout
 
 
+TYPESET = ["$\\frac$", "[/b]", "rate [rad/s]", "a\nb\x1b[2J", "_{0}%s", "中"]
+
+
+@pytest.mark.parametrize("name", TYPESET, ids=range(len(TYPESET)))
+def test_names_are_shown_letter_by_letter(name):
+    """In tables and figures, which have styles and formulas of their own."""
+    place = PLACE / "typeset"
+    place.mkdir(exist_ok=True)
+    x = np.cumsum(np.random.default_rng(0).standard_normal((150, 2)), axis=0)
+    rows = [f"{k / 10},{a!r},{a + 0.5!r},{b!r}" for k, (a, b) in enumerate(x.tolist())]
+    place.joinpath("log.csv").write_text("\n".join([f'"{name} lower","{name}",y,z', *rows]))
+    how = ["log.csv", "--state", name, "--output", "y,z", "--history", "10"]
+    estimated = ["estimate", *how, "--out", "est.csv", "--plot", "est.png"]
+    for words in (estimated, ["interval", *how, "--accept-wide"], ["design", *how]):
+        result = in_here(*words, cwd=place)
+        assert result.returncode == 0, result
+        assert all(line.startswith("ddmhe: ") for line in result.stderr.splitlines())
+        assert result.stdout.replace("\n", "").isprintable()
+        if words[0] != "design":
+            assert ddmhe.checks.one_line(name) in result.stdout
+    assert place.joinpath("est.png").exists()
+
+
 HOW = st.integers(0, 31)
 WORDS = st.lists(st.sampled_from(ARGUMENTS), max_size=4)
 

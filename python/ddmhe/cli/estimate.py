@@ -229,6 +229,7 @@ def _write(
         report.write_estimates(csv, log.names.time, split.t[logged], names, x_hat[logged], beside)
     if figure is not None:
         from ddmhe.report.figures import estimate_figure
+        from ddmhe.report.style import caption
 
         figure.parent.mkdir(parents=True, exist_ok=True)
         T = len(log.t) - len(split.t) - 1
@@ -238,7 +239,7 @@ def _write(
             x_hat,
             split.x_true,
             history=recorded,
-            names=log.names.state,
+            names=[caption(name) for name in log.names.state],
             quantity="state (unit of the log)",
             trust=trust,
         )
