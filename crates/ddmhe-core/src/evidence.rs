@@ -36,7 +36,6 @@ use maps::Maps;
 pub(crate) use plan_numbers::PlanNumbers;
 use plan_numbers::SPREAD;
 use replay::{Replayed, Setup, folds, replay};
-use std::f64::INFINITY;
 
 /// A window is novel above so many times the largest V of held-out windows.
 const NOVEL: f64 = 3.0;
@@ -297,9 +296,10 @@ impl Calibration {
         if self.rule == Rule::Filter {
             return DepthNumbers::none(f64::INFINITY);
         }
+        let beyond = f64::INFINITY;
         let none = Reference {
             depth: 1,
-            levels: [f64::MIN_POSITIVE.sqrt(), INFINITY, INFINITY, INFINITY, INFINITY],
+            levels: [f64::MIN_POSITIVE.sqrt(), beyond, beyond, beyond, beyond],
             error: Mat::zeros(n, n),
             innovation: vec![0.0; p],
         };
@@ -314,8 +314,8 @@ impl Calibration {
         let [V_most, J_most, V_on, J_on] = most.map(|most| most + more);
         let levels = match self.rule {
             // of noise of one unit: the run itself says how much there is
-            Rule::Exact => [noise.V[0], more, INFINITY, INFINITY, INFINITY],
-            _ if self.silent => [V_0 + noise.V[0], V_most, J_most, INFINITY, INFINITY],
+            Rule::Exact => [noise.V[0], more, beyond, beyond, beyond],
+            _ if self.silent => [V_0 + noise.V[0], V_most, J_most, beyond, beyond],
             _ => [V_0 + noise.V[0], V_most, J_most, V_on, J_on],
         };
         let settled = variances(self.reference(layout.depth, false).unwrap_or(&none));

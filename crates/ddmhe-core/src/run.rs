@@ -21,7 +21,6 @@ use ddmhe_run::memory::{Memory, memory_len};
 use ddmhe_run::plan::Limits;
 use ddmhe_run::problem::WindowSolution;
 use ddmhe_run::stepper::{Answer, Found, Pass, smooth};
-use serde::{Deserialize, Serialize};
 
 /// The state of a run.
 pub(crate) struct Run {

@@ -6,11 +6,11 @@
 
 use crate::certificate;
 use crate::convert::{
-    DdmheError, Numbers, ShapeError, flag, nearest, number, pair, raise, shown, side, text, tuple,
-    whole,
+    DdmheError, Numbers, ShapeError, flag, number, pair, raise, side, text, tuple, whole,
 };
 use crate::history::{Channels, History};
 use crate::spaces;
+use crate::words::{nearest, quoted, shown};
 use ddmhe_core::{
     Bounds, Center, Config, Equilibrium, Gate, ProcessNoise, Soft, Start, Stuck, Weighting,
 };
@@ -198,7 +198,8 @@ impl<'py> Given<'_, 'py> {
                 _ => {
                     let argument = self.name;
                     return Err(DdmheError::new_err(format!(
-                        "{argument}: expected prices by \"x\", \"v\" or \"w\", found {name:?}"
+                        "{argument}: expected prices by \"x\", \"v\" or \"w\", found {}",
+                        quoted(&name)
                     )));
                 }
             };
@@ -213,7 +214,7 @@ impl<'py> Given<'_, 'py> {
         let chosen = known.iter().find(|(name, _)| Some(*name) == found.as_deref());
         chosen.map(|(_, meaning)| meaning.clone()).ok_or_else(|| {
             let names: Vec<String> = known.iter().map(|(name, _)| format!("{name:?}")).collect();
-            let found = found.map_or_else(|| shown(self.value), |text| format!("{text:?}"));
+            let found = found.map_or_else(|| shown(self.value), |text| quoted(&text));
             let argument = self.name;
             DdmheError::new_err(format!("{argument}: expected {}, found {found}", either(&names)))
         })
@@ -306,7 +307,7 @@ fn unknown(settings: &Bound<'_, PyDict>) -> PyResult<Option<String>> {
         let name = text("settings", &key)?;
         if !TABLE.iter().any(|(known, _)| *known == name) {
             let near = nearest(settings.py(), &name, TABLE.map(|(known, _)| known).as_slice())?;
-            return Ok(Some(format!("expected a setting of DdMhe, found {name:?}{near}")));
+            return Ok(Some(format!("expected a setting of DdMhe, found {}{near}", quoted(&name))));
         }
     }
     Ok(None)

@@ -16,6 +16,7 @@ from rich.console import Console
 from ddmhe import report
 from ddmhe._core import DdMhe, History
 from ddmhe._core import Log as Estimates
+from ddmhe.checks import file_words, word
 from ddmhe.cli.options import deviations, gate, log_options
 from ddmhe.cli.printing import print_written, warn
 from ddmhe.cli.reading import read, untold
@@ -154,14 +155,14 @@ def _targets(log: Path, out: Path | None, plot: Path | None) -> tuple[Path | Non
     if plot is not None and plot.suffix.lower() not in FIGURES:
         wanted = ", ".join(FIGURES)
         raise click.BadParameter(
-            f"expected a file ending in {wanted}, found {str(plot)!r}", param_hint="--plot"
+            f"expected a file ending in {wanted}, found '{file_words(plot)}'", param_hint="--plot"
         )
     csv = out
     if out is not None and out.suffix.lower() != ".csv":
         csv, plot = out / "estimate.csv", plot or out / "estimate.png"
     if csv is not None and csv.exists() and log.exists() and csv.samefile(log):
         raise click.BadParameter(
-            f"expected a file other than the log, found {str(csv)!r}", param_hint="--out"
+            f"expected a file other than the log, found '{file_words(csv)}'", param_hint="--out"
         )
     return csv, plot
 
@@ -202,7 +203,7 @@ def _summary(log: Log, split: Split, est: DdMhe, estimates: Estimates) -> Any:
         }
     if split.x_true is not None:
         rows |= _errors(log.names.state, split.history, estimates, split.x_true)
-    return report.table(f"Estimates of {Path(log.path).name}", {"": rows})
+    return report.table(f"Estimates of {word(Path(log.path).name)}", {"": rows})
 
 
 def _errors(
@@ -241,6 +242,7 @@ def _write(
         report.write_estimates(csv, log.names.time, split.t[logged], names, x_hat[logged], beside)
     if figure is not None:
         from ddmhe.report.figures import estimate_figure
+        from ddmhe.report.style import caption
 
         figure.parent.mkdir(parents=True, exist_ok=True)
         T = len(log.t) - len(split.t) - 1
@@ -250,7 +252,7 @@ def _write(
             x_hat,
             split.x_true,
             history=recorded,
-            names=log.names.state,
+            names=[caption(name) for name in log.names.state],
             quantity="state (unit of the log)",
             trust=trust,
         )

@@ -10,6 +10,8 @@ import click
 import numpy as np
 from numpy.typing import NDArray
 
+from ddmhe.checks import shown
+
 Array = NDArray[np.float64]
 
 __all__ = ["deviations", "directory_option", "log_options", "radius", "reading_options"]
@@ -21,7 +23,7 @@ def names(ctx: click.Context, param: click.Parameter, value: str | None) -> tupl
         return ()
     names = tuple(part.strip() for part in value.split(","))
     if "" in names:
-        raise click.BadParameter(f"expected column names separated by commas, found {value!r}")
+        raise click.BadParameter(f"expected column names separated by commas, found {shown(value)}")
     return names
 
 
@@ -33,7 +35,9 @@ def numbers(
         return None
     numbers = _parsed(value)
     if not numbers or not np.isfinite(numbers).all():
-        raise click.BadParameter(f"expected finite numbers separated by commas, found {value!r}")
+        raise click.BadParameter(
+            f"expected finite numbers separated by commas, found {shown(value)}"
+        )
     return numbers
 
 
@@ -44,7 +48,7 @@ def radius(ctx: click.Context, param: click.Parameter, value: str | None) -> Arr
     found = np.array(_parsed(value))
     if not found.size:
         raise click.BadParameter(
-            f"expected a number, or one a column parted by commas, found {value!r}"
+            f"expected a number, or one a column parted by commas, found {shown(value)}"
         )
     return found[0] if len(found) == 1 else found
 

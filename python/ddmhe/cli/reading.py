@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from ddmhe._core import wrapped_angle
+from ddmhe.checks import file_words, shown, word
 from ddmhe.cli.printing import warn
 from ddmhe.logs import Log, Split, read_log
 from ddmhe.recordings.oddities import far_out
@@ -40,6 +41,7 @@ def read(log: Path, given: dict[str, Any]) -> tuple[Log, Split]:
 
 def _oddities(log: Log) -> Iterator[str]:
     """What sits oddly in the columns of a log, in words that name the option for it."""
+    path = file_words(log.path)
     columns = dict(zip(log.names.state, log.x.T, strict=True)) | dict(
         zip(log.names.output, log.y.T, strict=True)
     )
@@ -51,7 +53,7 @@ def _oddities(log: Log) -> Iterator[str]:
             found = [f"{v:.10g}" for v in dict.fromkeys(values[rows])]
             lines = [str(line) for line in log.lines[rows]]
             yield (
-                f"{log.path}, column {name!r}: {_some(found)} in line {_some(lines)} sits more "
+                f"{path}, column {shown(name)}: {_some(found)} in line {_some(lines)} sits more "
                 "than 50 deviations out on its own; if it says not measured: --missing "
                 f"{','.join(found)}"
             )
@@ -59,9 +61,9 @@ def _oddities(log: Log) -> Iterator[str]:
         if wrapped is not None:
             full, row = wrapped
             yield (
-                f"{log.path}, column {name!r}, line {log.lines[row]}: looks like an angle that "
+                f"{path}, column {shown(name)}, line {log.lines[row]}: looks like an angle that "
                 f"jumps by a full turn of {full:.6g}, which no linear motion does; use its cosine "
-                f"and sine as two columns, or --unwrap {name}"
+                f"and sine as two columns, or --unwrap {word(name)}"
             )
 
 

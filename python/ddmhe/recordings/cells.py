@@ -13,6 +13,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from ddmhe.checks import file_words, listed, reason, shown
 from ddmhe.recordings.log import LogError, Names
 
 Array = NDArray[np.float64]
@@ -26,24 +27,28 @@ _SECONDS = frozenset({"s", "sec", "secs", "second", "seconds"})
 def read_table(path: str) -> pd.DataFrame:
     """The file as text cells, its header as columns, its line numbers as index; empty lines
     dropped."""
+    named = file_words(path)
     try:
         cells = pd.read_csv(
             path, header=None, dtype=str, na_filter=False, skip_blank_lines=False, index_col=False,
             skipinitialspace=True, encoding="utf-8-sig", quoting=csv.QUOTE_MINIMAL,
         )  # fmt: skip
     except FileNotFoundError:
-        raise LogError(f"{path}: expected a log file, found no such file") from None
+        raise LogError(f"{named}: expected a log file, found no such file") from None
     except OSError as e:
         raise LogError(
-            f"{path}: expected a readable log file, found that it is not ({e.strerror})"
+            f"{named}: expected a readable log file, found that it is not "
+            f"({e.strerror or reason(e)})"
         ) from e
     except pd.errors.EmptyDataError:
-        raise LogError(f"{path}: expected a header line and samples, found an empty file") from None
-    except UnicodeDecodeError as e:
-        raise LogError(f"{path}: expected a text file in UTF-8, found bytes that are not") from e
-    except pd.errors.ParserError as e:
         raise LogError(
-            f"{path}: expected a CSV table, found one that cannot be read ({_one_line(e)})"
+            f"{named}: expected a header line and samples, found an empty file"
+        ) from None
+    except UnicodeDecodeError as e:
+        raise LogError(f"{named}: expected a text file in UTF-8, found bytes that are not") from e
+    except Exception as e:  # of pandas, or of whatever unpacks a packed file
+        raise LogError(
+            f"{named}: expected a CSV table, found one that cannot be read ({reason(e)})"
         ) from e
     cells = cells.fillna("")
     cells.index += 1
@@ -51,7 +56,7 @@ def read_table(path: str) -> pd.DataFrame:
     table = cells.iloc[1:].set_axis(header, axis="columns")
     table = table[(table != "").any(axis="columns")]
     if table.empty:
-        raise LogError(f"{path}: expected samples after the header line, found none")
+        raise LogError(f"{named}: expected samples after the header line, found none")
     return table
 
 
@@ -65,26 +70,27 @@ def check_columns(path: str, header: list[str], asked: Names) -> None:
             if column not in header:
                 raise LogError(
                     f"{option}: expected a column of {path}, found "
-                    f"{column!r}{_nearest(column, header)}"
+                    f"{shown(column)}{_nearest(column, header)}"
                 )
             if header.count(column) > 1:
                 raise LogError(
-                    f"{path}: expected one column named {column!r}, found {header.count(column)}"
+                    f"{path}: expected one column named {shown(column)}, "
+                    f"found {header.count(column)}"
                 )
             if list(group).count(column) > 1:
                 raise LogError(
-                    f"{option}: expected different columns, found {column!r} more than once"
+                    f"{option}: expected different columns, found {shown(column)} more than once"
                 )
             if option != "time" and column == asked.time:
                 raise LogError(
-                    f"{option}: expected columns other than the time column, found {column!r}"
+                    f"{option}: expected columns other than the time column, found {shown(column)}"
                 )
 
 
 def _nearest(column: str, header: list[str]) -> str:
     close = difflib.get_close_matches(column, header, n=1)
-    hint = f"; did you mean {close[0]!r}?" if close else ""
-    return f"{hint} (columns: {', '.join(header)})"
+    hint = f"; did you mean {shown(close[0])}?" if close else ""
+    return f"{hint} (columns: {listed(header)})"
 
 
 def units_of_columns(
@@ -104,8 +110,8 @@ def units_of_columns(
     }
     if units[time].lower() not in _SECONDS:
         raise LogError(
-            f"{path}, line {table.index[0]}, column {time!r}: expected a time in seconds, found "
-            f"the unit {of_time!r}"
+            f"{path}, line {table.index[0]}, column {shown(time)}: expected a time in "
+            f"seconds, found the unit {shown(of_time)}"
         )
     return table.iloc[1:], units
 
@@ -128,11 +134,7 @@ def column(path: str, table: pd.DataFrame, name: str, missing: Sequence[float] =
     if wrong.any():
         row = int(np.argmax(wrong))
         raise LogError(
-            f"{path}, line {table.index[row]}, column {name!r}: expected a finite number, found "
-            f"{cells.iloc[row]!r}"
+            f"{path}, line {table.index[row]}, column {shown(name)}: expected a finite "
+            f"number, found {shown(cells.iloc[row])}"
         )
     return np.where(np.isin(values, missing), np.nan, values)
-
-
-def _one_line(error: Exception) -> str:
-    return " ".join(str(error).split())

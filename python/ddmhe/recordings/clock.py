@@ -11,6 +11,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from ddmhe.checks import shown
 from ddmhe.recordings.cells import column
 from ddmhe.recordings.log import LogError
 
@@ -56,13 +57,13 @@ def times(path: str, table: pd.DataFrame, name: str) -> Array:
     if np.isnan(t).any():
         line = table.index[int(np.argmax(np.isnan(t)))]
         raise LogError(
-            f"{path}, line {line}, column {name!r}: expected a time in seconds, found none"
+            f"{path}, line {line}, column {shown(name)}: expected a time in seconds, found none"
         )
     back = np.diff(t) <= 0
     if back.any():
         row = int(np.argmax(back)) + 1
         raise LogError(
-            f"{path}, line {table.index[row]}, column {name!r}: expected a time after the "
+            f"{path}, line {table.index[row]}, column {shown(name)}: expected a time after the "
             f"{t[row - 1]:.10g} s of the line before, found {t[row]:.10g} s"
         )
     return t

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ddmhe.checks import check_kind, check_path, shown
+from ddmhe.checks import MOST, check_kind, check_path, file_words, shown
 from ddmhe.recordings.cells import check_columns, column, read_table, units_of_columns
 from ddmhe.recordings.clock import first_row, nominal_step, samples_of, times
 from ddmhe.recordings.log import LARGEST, Gap, Log, LogError, Names
@@ -68,8 +68,8 @@ def read_log(
     check_path("path", path)
     _check_options((state, output, input), unwrap, time, start, decimate)
     numbers = checked_missing(missing)
-    name = str(path)
-    table = read_table(name)
+    name = file_words(path)
+    table = read_table(str(path))
     header = list(table.columns)
     first = header[0] if time is None else time
     names = Names(first, tuple(state), tuple(output), tuple(input))
@@ -93,7 +93,9 @@ def read_log(
     numbered = (samples[kept] - samples[kept[0]]) // decimate
     x, y = columns(names.state), columns(names.output)
     u = columns(names.input) if names.input else None
-    return Log(name, names, t[kept], x, y, dt, lines[kept], numbered, gaps, int(decimate), units, u)
+    return Log(
+        str(path), names, t[kept], x, y, dt, lines[kept], numbered, gaps, int(decimate), units, u
+    )
 
 
 def _gaps(
@@ -127,9 +129,11 @@ def _check_options(
         _check_texts(option, group)
     if time is not None:
         check_kind("time", time, str, "the name of a column")
-    if start is not None and not isinstance(start, int | float | np.integer | np.floating):
+    real = isinstance(start, int | float | np.integer | np.floating)
+    if start is not None and not (real and (isinstance(start, float) or abs(start) <= LARGEST)):
         raise LogError(f"start: expected a time in seconds, found {shown(start)}")
-    if isinstance(decimate, bool) or not isinstance(decimate, int | np.integer) or decimate < 1:
+    whole = isinstance(decimate, int | np.integer) and not isinstance(decimate, bool)
+    if not whole or not 1 <= decimate <= MOST:
         raise LogError(f"decimate: expected a whole number of at least 1, found {shown(decimate)}")
 
 
@@ -142,4 +146,4 @@ def _check_unwrap(unwrap: Sequence[str], names: Names) -> None:
     known = "states, outputs or inputs" if names.input else "states or outputs"
     for name in unwrap:
         if name not in (*names.state, *names.output, *names.input):
-            raise LogError(f"unwrap: expected a column of the {known}, found {name!r}")
+            raise LogError(f"unwrap: expected a column of the {known}, found {shown(name)}")

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ddmhe._core import DdmheError, History
-from ddmhe.checks import shown
+from ddmhe.checks import file_words, shown
 from ddmhe.recordings.units import unit_of
 
 Array = NDArray[np.float64]
@@ -107,6 +107,11 @@ class Log:
     u: Array | None = None
     """Known inputs (N, m), NaN where the file has no number; None for a log without."""
 
+    @property
+    def _named(self) -> str:
+        """The path as messages show it."""
+        return file_words(self.path)
+
     def unit(self, column: str) -> str:
         """The unit of a column, "" where neither a line of units nor its name states one."""
         return self.units.get(column) or unit_of(column)
@@ -121,8 +126,8 @@ class Log:
         size = int(rows[-1]) + 1
         if size > MOST_FILLED * rows.size:
             raise LogError(
-                f"{self.path}: expected gaps that can be filled, found {size - rows.size} samples "
-                "missing"
+                f"{self._named}: expected gaps that can be filled, found {size - rows.size} "
+                "samples missing"
             )
 
         def spread(values: Array) -> Array:
@@ -158,7 +163,7 @@ class Log:
         if samples >= last:
             raise LogError(
                 f"history: expected less than {last * self.dt:.4g} s, the {last + 1} samples that "
-                f"{self.path} holds from {self.t[0]:.10g} s on, found {history} s"
+                f"{self._named} holds from {self.t[0]:.10g} s on, found {history} s"
             )
         return samples
 
@@ -173,8 +178,8 @@ class Log:
             gap = self.gaps[0]
             where = "inside the history" if gap.t < self.t[T] else "after the history"
             raise LogError(
-                f"{self.path}: gap {where} at {gap.t:.10g} s (line {gap.line}): expected steps of "
-                f"about {self.dt / self.decimate:.4g} s, found {gap.length:.4g} s; use another "
+                f"{self._named}: gap {where} at {gap.t:.10g} s (line {gap.line}): expected steps "
+                f"of about {self.dt / self.decimate:.4g} s, found {gap.length:.4g} s; use another "
                 "start or history, or fill the gaps (--gaps fill)"
             )
         self._check_measured(self.x[: T + 1], self.names.state)
@@ -208,17 +213,17 @@ class Log:
         name = self.names.input[column]
         if self.lines[row] > 0:
             raise LogError(
-                f"{self.path}, line {self.lines[row]}, column {name!r}: expected a number at every "
-                "sample of an input, found an empty cell, NaN or a number that stands for not "
-                "measured"
+                f"{self._named}, line {self.lines[row]}, column {shown(name)}: expected a number "
+                "at every sample of an input, found an empty cell, NaN or a number that stands "
+                "for not measured"
             )
         before = int(np.flatnonzero(self.lines[:row])[-1])
         after = row + int(np.argmax(self.lines[row:] > 0))
         raise LogError(
-            f"{self.path}: gap at {self.t[before]:.10g} s (line {self.lines[before]}), column "
-            f"{name!r}: expected a number at every sample of an input, found {after - before - 1} "
-            "samples missing; write what the input was there into the file, or use another start "
-            "or history"
+            f"{self._named}: gap at {self.t[before]:.10g} s (line {self.lines[before]}), column "
+            f"{shown(name)}: expected a number at every sample of an input, found "
+            f"{after - before - 1} samples missing; write what the input was there into the file, "
+            "or use another start or history"
         )
 
     def _bridged(self, values: Array, size: int) -> Array:
@@ -231,7 +236,7 @@ class Log:
         if runs.max() > MOST_INTERPOLATED:
             row = int(real[int(np.argmax(runs > MOST_INTERPOLATED))])
             raise LogError(
-                f"{self.path}: gap inside the history at {self.t[row]:.10g} s (line "
+                f"{self._named}: gap inside the history at {self.t[row]:.10g} s (line "
                 f"{self.lines[row]}): expected at most {MOST_INTERPOLATED} missing samples, found "
                 f"{runs.max()}"
             )
@@ -246,7 +251,7 @@ class Log:
         if lacking.size:
             row, column = lacking[0]
             raise LogError(
-                f"{self.path}, line {self.lines[row]}, column {names[column]!r}: expected a number "
-                "inside the history, found an empty cell, NaN or a number that stands for not "
-                "measured"
+                f"{self._named}, line {self.lines[row]}, column {shown(names[column])}: expected "
+                "a number inside the history, found an empty cell, NaN or a number that stands "
+                "for not measured"
             )

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from ddmhe import report
 from ddmhe._core import DdMhe, DdmheError, History
 from ddmhe.baselines import ArxKalman, ErrorStateKalman, KoopmanMhe, RidgeFir
+from ddmhe.checks import file_words
 from ddmhe.logs import read_log
 from ddmhe.reproduce.montecarlo import estimates, in_parallel
 
@@ -52,13 +53,14 @@ def pendulum_task(path: str | Path) -> PendulumTask:
     swinging = np.linalg.norm(log.x, axis=1) > SWING
     if not swinging.any():
         raise DdmheError(
-            f"path: expected a log in which |omega| exceeds {SWING:g} rad/s, {str(path)!r} has none"
+            f"path: expected a log in which |omega| exceeds {SWING:g} rad/s, "
+            f"'{file_words(path)}' has none"
         )
     start = log.t[min(int(np.argmax(swinging)) + LEAD, len(log.t) - 1)]
     split = read_log(path, STATE, OUTPUT, decimate=DECIMATE, start=start).fill_gaps().split(HISTORY)
     if split.x_true is None:
         raise DdmheError(
-            f"path: expected a log with states after the history, {str(path)!r} has none"
+            f"path: expected a log with states after the history, '{file_words(path)}' has none"
         )
     return PendulumTask(split.history, split.Y, split.x_true)
 
