@@ -278,7 +278,7 @@ def test_copies_snapshots_and_many_go_on_alike():
     for start in ("state", "recording", "unknown"):
         for price in (1.0, {"x": 2.0}, {"x": 1e3, "v": 0.1}):
             settings = dict(x_bounds=BOXES["half"](truth), v_bounds=(-99.0, 0.5), start=start)
-            estimator = ddmhe.DdMhe(ddmhe.History(x, y), M, **settings, soft=price, start="state")
+            estimator = ddmhe.DdMhe(ddmhe.History(x, y), M, **settings, soft=price)
             whole = copy.copy(estimator).run(outputs)
             assert (whole.active > 0).sum() > 10
             (many,) = ddmhe.run_many([copy.copy(estimator)], [outputs])

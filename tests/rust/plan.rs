@@ -179,7 +179,8 @@ fn a_plan_doubts_as_its_estimator_does() {
     (0..270).step_by(47).for_each(|k| outputs[k] += 30.0);
     (180..270).for_each(|k| outputs[k] += jump[k % 3]);
     (93..150).filter(|k| k % 3 == 0).for_each(|k| outputs[k] = 0.25);
-    let process_noise = ProcessNoise::Residual;
+    let diagonal = |k: usize| if k.is_multiple_of(5) { 1e-4 } else { 0.0 };
+    let process_noise = ProcessNoise::Given((0..16).map(diagonal).collect());
     let recorded = Config { weights: Weighting::Recorded, process_noise, ..Config::default() };
     let starts = [Start::Auto, Start::State, Start::Recording, Start::Unknown];
     let (mut gated, mut restarted, mut elsewhere) = (0, 0, 0);

@@ -347,7 +347,8 @@ impl Source<'_> {
         let x_prior = config.x_prior.as_deref();
         let first = first_window((history, scaling), needs.start, filled, x_prior);
         let scales = (*scaling, self.response);
-        let own = evidence.map(|own| own.of_plan(history, config, (scaling, *driving)));
+        let own =
+            evidence.map(|own| own.states.of_plan(own.rule, history, config, (scaling, *driving)));
         Arc::new(Ground::new(sizes, scales, (weights, *driving), boxes, (&first, own)))
     }
 

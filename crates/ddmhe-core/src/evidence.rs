@@ -34,7 +34,7 @@ use ddmhe_run::tol;
 use faer::Mat;
 use maps::Maps;
 pub(crate) use plan_numbers::PlanNumbers;
-use plan_numbers::SPREAD;
+use plan_numbers::{Recorded, SPREAD};
 use replay::{Replayed, Setup, folds, replay};
 
 /// A window is novel above so many times the largest V of held-out windows.
@@ -74,14 +74,8 @@ pub(crate) struct Calibration {
     silent: bool,               // whether later outputs may have any noise
     references: Vec<Reference>, // ascending
     opening: Vec<Reference>,    // of a run from an unknown state
-    /// Root-mean-square error of held-out windows of the horizon (n), in the user's units; NaN where
-    /// nothing could be held out.
-    pub promise: Vec<f64>,
-    /// Variance of the reading noise of the states, in the user's units (n): by fifth differences, or
-    /// what an affine step leaves, whichever is less.
-    pub start: Vec<f64>,
-    away: Mat<f64>,   // Σ_x⁻¹ / (.7 D_most) (n × n), scaled
-    growth: [f64; 3], // 2q, .1 T and T
+    /// What it says of its states.
+    pub states: Recorded,
 }
 
 impl Calibration {
@@ -106,7 +100,11 @@ impl Calibration {
             (false, false, true) => Rule::Louder,
             (false, false, false) => Rule::Curved,
         };
-        let read = |i: usize| scaling.noise_y[i].sqrt() > SILENT * scaling.unit_y[i];
+        // what is neither smooth nor explained by the states
+        let read = |i: usize| {
+            let rough = fifth_differences(history, History::outputs, (i, history.p()));
+            rough.min(scaling.one_step[n + i][0]) > (SILENT * scaling.unit_y[i]).powi(2)
+        };
         let silent = !stated && (exact || !(0..history.p()).any(read));
         let replayed = replay(history, setup, horizon)?;
         let references = replayed.iter().map(|(depth, of)| Reference::new(rule, *depth, of));
@@ -122,7 +120,8 @@ impl Calibration {
         let away = away(history, scaling);
         let growth = growth(history, scaling, rule, replayed.last().map(|(_, of)| of));
         let opening = Vec::new();
-        Ok(Some(Calibration { rule, silent, references, opening, promise, start, away, growth }))
+        let states = Recorded { promise, start, away, growth };
+        Ok(Some(Calibration { rule, silent, references, opening, states }))
     }
 
     /// With what the first windows of a run from an unknown state are measured by.
@@ -293,8 +292,10 @@ impl Calibration {
         };
         let Maps { carry, deleted, of_prior, noise } = maps;
         let kept = |M: &Mat<f64>| if opening { Mat::zeros(M.nrows(), n) } else { M.clone() };
+        let gross = |i: usize| if self.silent { (GROSS * scaling.unit_y[i]).powi(2) } else { 0.0 };
         if self.rule == Rule::Filter {
-            return DepthNumbers::none(f64::INFINITY);
+            let going_on = (0..p).map(gross).collect();
+            return DepthNumbers { going_on, ..DepthNumbers::none(f64::INFINITY) };
         }
         let beyond = f64::INFINITY;
         let none = Reference {
@@ -321,7 +322,6 @@ impl Calibration {
         let settled = variances(self.reference(layout.depth, false).unwrap_or(&none));
         let known =
             |i: usize| if self.rule == Rule::Exact { 0.0 } else { tol::GOES_ON * settled[i] };
-        let gross = |i: usize| if self.silent { (GROSS * scaling.unit_y[i]).powi(2) } else { 0.0 };
         DepthNumbers {
             levels,
             carry: entries(&kept(carry), &|i, j| s_x[i] / s_x[j]),
@@ -362,14 +362,14 @@ pub(crate) fn stated_beyond(config: &Config, scaling: &Scaling) -> Vec<f64> {
 
 /// What the recording cannot promise, in words.
 pub(crate) fn words(evidence: &Calibration, scaling: &Scaling) -> Vec<String> {
-    if evidence.promise.iter().all(|h| h.is_nan()) {
+    if evidence.states.promise.iter().all(|h| h.is_nan()) {
         return vec![
             "the recording is too short to hold windows out of it: it cannot say how far off \
             estimates may be"
                 .into(),
         ];
     }
-    let broken = evidence.promise.iter().zip(&scaling.unit_x).enumerate();
+    let broken = evidence.states.promise.iter().zip(&scaling.unit_x).enumerate();
     broken
         .filter(|(_, (h, spread))| **h > SPREAD * **spread)
         .map(|(i, (h, spread))| {

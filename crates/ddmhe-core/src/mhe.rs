@@ -276,7 +276,7 @@ impl DdMhe {
     /// What the recording promises: the root-mean-square error of each state in windows that were
     /// held out of it (n), NaN where nothing could be held out. None without evidence.
     pub fn promise(&self) -> Option<&[f64]> {
-        self.design.evidence.as_ref().map(|own| &own.promise[..])
+        self.design.evidence.as_ref().map(|own| &own.states.promise[..])
     }
 
     /// The latest estimate (empty before the first step).

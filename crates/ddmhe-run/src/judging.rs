@@ -6,6 +6,7 @@ use crate::memory::{FilterStep, Judged, Memory, Told};
 use crate::plan::common::Shared;
 use crate::problem::{WindowProblem, WindowSolution};
 use crate::sliding::SlidingBuffer;
+use crate::status::Status;
 use crate::tol;
 
 /// The newest estimate and output, as they came and went.
@@ -68,15 +69,23 @@ impl<B: AsRef<[f64]> + AsMut<[f64]>> Memory<B> {
         let evidence = self.witness.evidence(self.block.as_ref(), plan);
         let innovations = evidence.innovation.iter().map(|nu| nu * nu);
         let (novel, far) = if plan.rule == Rule::Filter {
-            let most = evidence.innovation_variance.iter().map(|of| tol::GOES_ON * of);
-            (evidence.value > evidence.limit, innovations.zip(most).any(|(nu, most)| nu > most))
+            // a recording that shows no noise says nothing of that of later outputs
+            let silent = own.going_on.iter().any(|most| *most > 0.0);
+            let most = evidence.innovation_variance.iter().zip(own.going_on);
+            let most = most.map(|(of, least)| least.max(tol::GOES_ON * of));
+            let far = innovations.zip(most).any(|(nu, most)| nu > most);
+            (!silent && evidence.value > evidence.limit, far)
         } else {
             let [.., V_on, J_on] = own.levels;
             let far = innovations.zip(own.going_on).any(|(nu, most)| nu > *most);
             (found.minimum.value > V_on || found.cost > J_on, far)
         };
+        // no window that goes on is within the bounds on the noise
+        let sizes = problem.shared.sizes;
+        let hard = sizes.v_bounded && !(sizes.prices.v > 0.0);
+        let excluded = hard && found.status == Status::Infeasible;
         // a gate takes what is far for a wrong output
-        found.sound && !novel && (!far || self.gate.is_used())
+        found.sound && !excluded && !novel && (!far || self.gate.is_used())
     }
 
     /// Σ(t) and the rest of the evidence on x̂(t), before x̂(t) is among the states that are kept.

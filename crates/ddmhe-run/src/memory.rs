@@ -26,7 +26,6 @@ mod gate;
 mod losses;
 mod parts;
 mod room;
-mod since;
 mod stretches;
 mod witness;
 

@@ -2,14 +2,14 @@
 
 use crate::config::Config;
 use crate::driving::Driving;
-use crate::evidence::Calibration;
 use crate::evidence::model::ModelNumbers;
 use crate::history::History;
 use crate::scaling::Scaling;
 use ddmhe_run::evidence::Rule;
+use faer::Mat;
 
 /// An estimate is uncertain above this share of the recorded spread …
-pub(super) const SPREAD: f64 = 0.5;
+pub(crate) const SPREAD: f64 = 0.5;
 /// … and so many times what held-out windows were off.
 const PROMISE: f64 = 3.0;
 /// An output is stuck after so many equal values, or so many times the longest run recorded.
@@ -33,10 +33,26 @@ pub(crate) struct PlanNumbers {
     pub model: Option<ModelNumbers>, // with the weights of the recording
 }
 
-impl Calibration {
+/// What the recording says of its states.
+#[derive(Debug, Clone)]
+pub(crate) struct Recorded {
+    /// Root-mean-square error of held-out windows of the horizon (n), in the user's units; NaN where
+    /// nothing could be held out.
+    pub promise: Vec<f64>,
+    /// Variance of the reading noise of the states, in the user's units (n): by fifth differences, or
+    /// what an affine step leaves, whichever is less.
+    pub start: Vec<f64>,
+    /// Σ_x⁻¹ / (.7 D_most) (n × n), scaled.
+    pub away: Mat<f64>,
+    /// 2q, .1 T and T.
+    pub growth: [f64; 3],
+}
+
+impl Recorded {
     /// Of all depths: see [`ddmhe_run::evidence::OfPlan`].
     pub fn of_plan(
         &self,
+        rule: Rule,
         history: &History,
         config: &Config,
         (scaling, driving): (&Scaling, Option<&Driving>),
@@ -83,7 +99,7 @@ impl Calibration {
             drift: config.drift.clone().unwrap_or_default(),
             growth: self.growth.into_iter().chain([f64::from(config.x_prior.is_some())]).collect(),
             model: driving
-                .filter(|_| self.rule == Rule::Filter)
+                .filter(|_| rule == Rule::Filter)
                 .and_then(|driving| ModelNumbers::new(history, scaling, driving)),
         }
     }
