@@ -41,9 +41,9 @@ use replay::{Replayed, Setup, folds, replay};
 const NOVEL: f64 = 3.0;
 /// A run does not go on from the recording's end above so many times that.
 const GOES_ON: f64 = 1.5;
-/// Where a recording shows no noise and none is stated, so that outputs may have any: above this
-/// share of their recorded spread.
-const GROSS: f64 = 0.25;
+/// Where a recording shows no noise and none is stated, so that outputs may have any: above
+/// their recorded spread.
+const GROSS: f64 = 1.0;
 /// Of that spread, above which the reading noise of an output is noise.
 const SILENT: f64 = 1e-3;
 /// Share of held-out errors within three deviations.

@@ -284,7 +284,7 @@ class Log:
         if lacking.size:
             row, column = lacking[0]
             raise LogError(
-                f"{self._named}, line {lines[row, column]}, column {shown(names[column])}: expected "
-                "a number inside the history, found an empty cell, NaN or a number that stands "
-                "for not measured"
+                f"{self._named}, line {lines[row, column]}, column {shown(names[column])}: "
+                "expected a number inside the history, found an empty cell, NaN or a number that "
+                "stands for not measured"
             )
