@@ -1,4 +1,4 @@
-"""What a gate with its restart is worth on the paper's bench: nominal, noisy for a while, kicked."""
+"""The worth of a gate with its restart on the paper's bench: nominal, noisy for a while, kicked."""
 
 import numpy as np
 
