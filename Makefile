@@ -49,7 +49,8 @@ audit: ## licences and known faults of what it is built from
 	cargo deny --locked check
 	test -d .venv-audit || python3 -m venv .venv-audit
 	.venv-audit/bin/pip install --quiet --disable-pip-version-check pip-audit==2.10.1
-	.venv-audit/bin/pip-audit --no-deps --disable-pip -r requirements-dev.txt
+	.venv-audit/bin/pip-audit --strict --no-deps --disable-pip \
+		-r requirements-dev.txt
 
 lint: rust-components packages ## formatting, clippy, rustdoc, ruff, mypy
 	cargo fmt --all --check
