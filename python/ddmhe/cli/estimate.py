@@ -145,7 +145,9 @@ def _cut(samples: Log, split: Split, made: int) -> tuple[Log, Split]:
         return {name: part if part is None else part[:rows] for name, part in parts.items()}
 
     return (
-        replace(samples, **first(samples, ("t", "x", "y", "u", "lines", "samples"), end)),
+        replace(
+            samples, **first(samples, ("t", "x", "y", "u", "lines", "samples", "y_lines"), end)
+        ),
         replace(split, **first(split, ("Y", "t", "x_true", "U"), made)),
     )
 
@@ -191,6 +193,7 @@ def _summary(log: Log, split: Split, est: DdMhe, estimates: Estimates) -> Any:
     filled = int(np.sum(log.lines == 0))
     rows = {"history": f"T = {split.history.T} samples of {log.dt:.4g} s"}
     rows |= {"gaps filled": f"{filled} samples"} if filled else {}
+    rows |= {f"delay of {name}": f"{seconds:.4g} s" for name, seconds in log.delay.items()}
     rows |= report.settings(est) | report.outcome(estimates.status, estimates.active)
     if estimates.bound is not None:
         rows["error bound"] = (

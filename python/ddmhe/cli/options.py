@@ -71,6 +71,29 @@ def gate(ctx: click.Context, param: click.Parameter, value: str | None) -> float
         raise click.BadParameter(f"expected auto or a number, found {value!r}") from None
 
 
+def delays(
+    ctx: click.Context, param: click.Parameter, value: str | None
+) -> float | dict[str, float] | None:
+    """Seconds for all outputs, or NAME=SECONDS parted by commas."""
+    if value is None:
+        return None
+    if "=" not in value:
+        found = _parsed(value)
+        if len(found) != 1 or not np.isfinite(found[0]):
+            raise click.BadParameter(f"expected seconds, or NAME=SECONDS, found {value!r}")
+        return found[0]
+    named: dict[str, float] = {}
+    for part in value.split(","):
+        name, _, seconds = (text.strip() for text in part.rpartition("="))
+        found = _parsed(seconds)
+        if not name or name in named or len(found) != 1 or not np.isfinite(found[0]):
+            raise click.BadParameter(
+                f"expected different NAME=SECONDS parted by commas, found {value!r}"
+            )
+        named[name] = found[0]
+    return named
+
+
 def _parsed(value: str) -> tuple[float, ...]:
     """The numbers of a comma-separated list; none where one of them is no number."""
     try:
@@ -112,6 +135,12 @@ _HOW_TO_READ: list[Callable[[Any], Any]] = [
         callback=names,
         metavar="C1,C2,...",
         help="Angles that jump by a turn: go on instead.",
+    ),
+    click.option(
+        "--delay",
+        callback=delays,
+        metavar="SECONDS|C1=SECONDS,...",
+        help="How late output columns are; they are moved back by it.  [default: 0]",
     ),
 ]
 """What may be said of any log."""

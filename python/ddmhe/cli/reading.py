@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-from ddmhe._core import wrapped_angle
+from ddmhe._core import History, wrapped_angle
 from ddmhe.checks import file_words, shown, word
 from ddmhe.cli.printing import warn
 from ddmhe.logs import Log, Split, read_log
@@ -32,26 +32,56 @@ def read(log: Path, given: dict[str, Any]) -> tuple[Log, Split]:
         input=given.pop("input", ()),
         missing=given.pop("missing") or (),
         unwrap=given.pop("unwrap"),
+        delay=given.pop("delay") or 0.0,
     )
     for sentence in _oddities(samples):
         warn(sentence)
     samples = samples.fill_gaps() if given.pop("gaps") == "fill" else samples
-    return samples, samples.split(given.pop("history"))
+    split = samples.split(given.pop("history"))
+    late = late_words(split.history, samples.names.output)
+    if late:
+        warn(f"{file_words(log)}: {late}")
+    return samples, split
+
+
+def late_words(history: History, outputs: Sequence[str]) -> str:
+    """Which recorded outputs surely lag the recorded states or lead them, and the option that takes
+    it off; empty where none does."""
+    from ddmhe.design.delay import output_delay
+
+    found = output_delay(history)
+    seconds = {
+        name: (d, of_name)
+        for name, d, of_name in zip(outputs, found.samples, found.seconds, strict=True)
+        if d and of_name is not None
+    }
+    if not seconds:
+        return ""
+    said = [
+        f"output {name!r} {'lags' if d > 0 else 'leads'} the recorded states by about "
+        f"{abs(of_name):.4g} s ({abs(d)} sample{'s' if abs(d) > 1 else ''})"
+        for name, (d, of_name) in seconds.items()
+    ]
+    option = ",".join(f"{name}={of_name:.4g}" for name, (_, of_name) in seconds.items())
+    return f"{', '.join(said)}: --delay {option}"
 
 
 def _oddities(log: Log) -> Iterator[str]:
     """What sits oddly in the columns of a log, in words that name the option for it."""
     path = file_words(log.path)
-    columns = dict(zip(log.names.state, log.x.T, strict=True)) | dict(
-        zip(log.names.output, log.y.T, strict=True)
-    )
+    groups = [(log.names.state, log.x, False), (log.names.output, log.y, True)]
     if log.u is not None:
-        columns |= dict(zip(log.names.input, log.u.T, strict=True))
-    for name, values in columns.items():
+        groups.append((log.names.input, log.u, False))
+    columns = {
+        name: (values, log.output_lines[:, i] if moved else log.lines)
+        for names, group, moved in groups
+        for i, (name, values) in enumerate(zip(names, group.T, strict=True))
+    }
+    for name, (values, of_column) in columns.items():
         rows = far_out(values)
         if rows.size:
             found = [f"{v:.10g}" for v in dict.fromkeys(values[rows])]
-            lines = [str(line) for line in log.lines[rows]]
+            lines = [str(line) for line in of_column[rows]]
             yield (
                 f"{path}, column {shown(name)}: {_some(found)} in line {_some(lines)} sits more "
                 "than 50 deviations out on its own; if it says not measured: --missing "
@@ -61,7 +91,7 @@ def _oddities(log: Log) -> Iterator[str]:
         if wrapped is not None:
             full, row = wrapped
             yield (
-                f"{path}, column {shown(name)}, line {log.lines[row]}: looks like an angle that "
+                f"{path}, column {shown(name)}, line {of_column[row]}: looks like an angle that "
                 f"jumps by a full turn of {full:.6g}, which no linear motion does; use its cosine "
                 f"and sine as two columns, or --unwrap {word(name)}"
             )

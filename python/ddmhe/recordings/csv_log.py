@@ -6,7 +6,7 @@ k-th whatever is lost."""
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from ddmhe.checks import MOST, check_kind, check_path, file_words, shown
 from ddmhe.recordings.cells import check_columns, column, read_table, units_of_columns
 from ddmhe.recordings.clock import first_row, nominal_step, samples_of, times
+from ddmhe.recordings.delays import checked_delay, moved_back, whole_samples
 from ddmhe.recordings.log import LARGEST, Gap, Log, LogError, Names
 from ddmhe.recordings.oddities import unwrapped
 
@@ -35,6 +36,7 @@ def read_log(
     input: Sequence[str] = (),
     missing: Sequence[float] = (),
     unwrap: Sequence[str] = (),
+    delay: float | Mapping[str, float] = 0.0,
 ) -> Log:
     """Read a CSV log, keep samples 0, decimate, 2 decimate, … of its clock, and of these the ones
     from time `start` on.
@@ -59,6 +61,12 @@ def read_log(
         Numbers that stand for "not measured" in these columns, like -9999.
     unwrap
         Columns of angles within one turn (2 pi or 360) to be made continuous.
+    delay
+        By how much the output columns are late, s: one number for all, or numbers by their names.
+        Whole samples of the file. Each output is moved back by its delay, to the row of the instant
+        that it tells of; the last rows then have outputs that were not measured. A negative one
+        moves an output ahead, and rows before the first such output are left out. A column that is
+        also a state stays in place as a state.
 
     Raises
     ------
@@ -68,6 +76,7 @@ def read_log(
     check_path("path", path)
     _check_options((state, output, input), unwrap, time, start, decimate)
     numbers = checked_missing(missing)
+    late = checked_delay(delay, output)
     name = file_words(path)
     table = read_table(str(path))
     header = list(table.columns)
@@ -79,22 +88,42 @@ def read_log(
     t = times(name, table, names.time)
     nominal = decimate * float(np.median(np.diff(t))) if t.size > 1 else math.nan
     samples = samples_of(t) if t.size > 1 else np.zeros(t.size, dtype=np.int64)
-    kept = np.flatnonzero(samples % decimate == 0)
+    by = whole_samples(name, late, nominal / decimate, int(samples[-1])) if late else {}
+    first_sample = max(0, -min(by.values(), default=0))
+    kept = np.flatnonzero((samples % decimate == 0) & (samples >= first_sample))
     kept = kept[0 if start is None else first_row(name, t[kept], start) :]
     dt = nominal_step(name, t[kept], nominal, decimate)
 
+    def values(c: str) -> Array:
+        read = column(name, table, c, numbers)
+        return unwrapped(read) if c in unwrap else read
+
     def columns(group: Sequence[str]) -> Array:
-        values = {c: column(name, table, c, numbers) for c in group}
-        whole = [unwrapped(v) if c in unwrap else v for c, v in values.items()]
-        return np.column_stack(whole)[kept]
+        return np.column_stack([values(c) for c in group])[kept]
 
     lines = table.index.to_numpy(dtype=np.int64)
     gaps = _gaps(t, samples, lines, int(kept[0]))
     numbered = (samples[kept] - samples[kept[0]]) // decimate
-    x, y = columns(names.state), columns(names.output)
+    x, y, y_lines = columns(names.state), columns(names.output), None
+    if by:
+        moved = [moved_back(samples, values(c), lines, by.get(c, 0)) for c in names.output]
+        y, y_lines = (np.column_stack(part)[kept] for part in zip(*moved, strict=True))
     u = columns(names.input) if names.input else None
     return Log(
-        str(path), names, t[kept], x, y, dt, lines[kept], numbered, gaps, int(decimate), units, u
+        str(path),
+        names,
+        t[kept],
+        x,
+        y,
+        dt,
+        lines[kept],
+        numbered,
+        gaps,
+        int(decimate),
+        units,
+        u,
+        y_lines,
+        late,
     )
 
 

@@ -106,6 +106,18 @@ class Log:
     own in its name."""
     u: Array | None = None
     """Known inputs (N, m), NaN where the file has no number; None for a log without."""
+    y_lines: NDArray[np.int64] | None = None
+    """Line of the file in which each output stands (N, p), 0 for none; None where that is the line
+    of the row, as it is without a delay."""
+    delay: Mapping[str, float] = field(default_factory=dict)
+    """By how much outputs were late, s, by the names of those that were."""
+
+    @property
+    def output_lines(self) -> NDArray[np.int64]:
+        """Line of the file in which each output stands (N, p), 0 for none."""
+        if self.y_lines is not None:
+            return self.y_lines
+        return np.repeat(self.lines[:, None], self.y.shape[1], axis=1)
 
     @property
     def _named(self) -> str:
@@ -130,8 +142,8 @@ class Log:
                 "samples missing"
             )
 
-        def spread(values: Array) -> Array:
-            wide = np.full((size, values.shape[1]), np.nan)
+        def spread(values: Any, empty: float = np.nan) -> Any:
+            wide = np.full((size, values.shape[1]), empty, dtype=values.dtype)
             wide[rows] = values
             return wide
 
@@ -141,7 +153,10 @@ class Log:
         filled = np.arange(size, dtype=np.int64)
         x, y = spread(self.x), spread(self.y)
         u = None if self.u is None else spread(self.u)
-        return replace(self, t=t, x=x, y=y, lines=lines, samples=filled, gaps=(), u=u)
+        y_lines = None if self.y_lines is None else spread(self.y_lines, 0)
+        return replace(
+            self, t=t, x=x, y=y, lines=lines, samples=filled, gaps=(), u=u, y_lines=y_lines
+        )
 
     def history_samples(self, history: float) -> int:
         """T = round(history/dt).
@@ -182,12 +197,13 @@ class Log:
                 f"of about {self.dt / self.decimate:.4g} s, found {gap.length:.4g} s; use another "
                 "start or history, or fill the gaps (--gaps fill)"
             )
-        self._check_measured(self.x[: T + 1], self.names.state)
-        self._check_measured(self.y[:T], self.names.output)
+        x_lines = np.repeat(self.lines[:, None], self.x.shape[1], axis=1)
+        self._check_measured(self.x[: T + 1], x_lines, self.names.state)
+        self._check_measured(self.y[:T], self.output_lines, self.names.output)
         self._check_known()
         recorded = History(
-            self._bridged(self.x, T + 1),
-            self._bridged(self.y, T),
+            self._bridged(self.x, x_lines, T + 1),
+            self._bridged(self.y, self.output_lines, T),
             dt=self.dt,
             x_units=[self.unit(name) for name in self.names.state],
             y_units=[self.unit(name) for name in self.names.output],
@@ -226,12 +242,28 @@ class Log:
             "or use another start or history"
         )
 
-    def _bridged(self, values: Array, size: int) -> Array:
-        """Rows 0 to size-1 with the filled ones interpolated between their neighbours in the log.
+    def _bridged(self, values: Array, lines: NDArray[np.int64], size: int) -> Array:
+        """Rows 0 to size-1 with the filled ones interpolated between their neighbours in the log;
+        `lines` is 0 where a value was filled in.
 
         Seams between recordings would invent nothing, but they cost every window that crosses one;
         on measured pendulum logs with gaps of one or two rows interpolation was clearly better."""
-        real = np.flatnonzero(self.lines)
+        at, rows = np.arange(size), np.arange(len(values))
+        columns = []
+        for column, of_column in zip(values.T, lines.T, strict=True):
+            self._check_runs(np.flatnonzero(of_column), size)
+            known = np.isfinite(column)
+            columns.append(np.interp(at, rows[known], column[known]))
+        return np.column_stack(columns)
+
+    def _check_runs(self, real: NDArray[np.intp], size: int) -> None:
+        """LogError where more than MOST_INTERPOLATED of the rows 0 to size-1 are missing in a row;
+        `real` are those that are not. Without a delay the rows around a history are in the log."""
+        if not real.size or real[-1] < size - 1 or real[0] > 0:
+            raise LogError(
+                f"history: expected outputs for all of it, found that a delay of {self._delays} "
+                f"leaves rows of {self._named} without"
+            )
         runs = np.diff(real[: np.searchsorted(real, size) + 1]) - 1
         if runs.max() > MOST_INTERPOLATED:
             row = int(real[int(np.argmax(runs > MOST_INTERPOLATED))])
@@ -240,18 +272,19 @@ class Log:
                 f"{self.lines[row]}): expected at most {MOST_INTERPOLATED} missing samples, found "
                 f"{runs.max()}"
             )
-        at, rows = np.arange(size), np.arange(len(values))
-        known = np.isfinite(values)
-        return np.column_stack(
-            [np.interp(at, rows[k], column[k]) for k, column in zip(known.T, values.T, strict=True)]
-        )
 
-    def _check_measured(self, values: Array, names: Sequence[str]) -> None:
-        lacking = np.argwhere(np.isnan(values) & (self.lines[: len(values), None] > 0))
+    @property
+    def _delays(self) -> str:
+        return ", ".join(f"{seconds:g} s of {shown(name)}" for name, seconds in self.delay.items())
+
+    def _check_measured(
+        self, values: Array, lines: NDArray[np.int64], names: Sequence[str]
+    ) -> None:
+        lacking = np.argwhere(np.isnan(values) & (lines[: len(values)] > 0))
         if lacking.size:
             row, column = lacking[0]
             raise LogError(
-                f"{self._named}, line {self.lines[row]}, column {shown(names[column])}: expected "
-                "a number inside the history, found an empty cell, NaN or a number that stands "
-                "for not measured"
+                f"{self._named}, line {lines[row, column]}, column {shown(names[column])}: "
+                "expected a number inside the history, found an empty cell, NaN or a number that "
+                "stands for not measured"
             )
