@@ -36,6 +36,8 @@ class Faulty:
     truth: np.ndarray
     hit: np.ndarray
     """Where an entry of Y was changed (N, p)."""
+    onset: int | None = None
+    """Sample from which on it can be seen, where that is not the fault's first."""
 
 
 Fault = Callable[[Log, int, np.random.Generator], Faulty]
@@ -166,7 +168,8 @@ def spikes(share: float, size: float) -> Fault:
         hit = rng.random(Y.shape) < share
         hit[:start] = False
         Y += np.where(hit, size * sigma(log) * rng.choice([-1.0, 1.0], Y.shape), 0.0)
-        return changed(log, Y)
+        rows = np.flatnonzero(hit.any(axis=1))
+        return replace(changed(log, Y), onset=int(rows[0]) if rows.size else len(Y) - 1)
 
     return fault
 

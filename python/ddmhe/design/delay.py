@@ -29,6 +29,7 @@ from ddmhe.design.tol import (
     FILTERED,
     READ_OUT_ROUNDING,
     ROUNDED_RANK,
+    SECOND_VALLEY,
     SHARP,
 )
 
@@ -114,7 +115,9 @@ def output_delay(history: History, most: int | None = None) -> OutputDelay:
     found = []
     for j in range(history.p):
         d = _lag(lags, share[:, j], left[:, :, j])
-        found.append(None if d and _is_filtered(d, D, x, y[:, :, j], left[:, :, j]) else d)
+        if d and share[D + d, j] > READ_OUT_ROUNDING:
+            d = None if _is_filtered(d, D, x, y[:, :, j], left[:, :, j]) else d
+        found.append(d)
     return OutputDelay(lags, share.T, tuple(found), history.dt)
 
 
@@ -166,8 +169,8 @@ def _lag(lags: NDArray[np.int64], share: Array, left: Array) -> int | None:
     if d == 0:
         return 0
     better = (left[:, best] < left[:, zero]).all() and share[zero] > DELAY_GAIN * share[best]
-    other_side = share[lags * d < 0].min()
-    return d if better and other_side > BEYOND_ZERO * share[zero] else None
+    second = min(BEYOND_ZERO * share[zero], SECOND_VALLEY * share[best])
+    return d if better and share[lags * d < 0].min() > second else None
 
 
 def _is_filtered(d: int, D: int, x: Array, y: Array, left: Array) -> bool:

@@ -28,6 +28,7 @@ __all__ = [
     "POSITIVE_R",
     "READ_OUT_ROUNDING",
     "ROUNDED_RANK",
+    "SECOND_VALLEY",
     "SHARP",
     "SYMMETRIC",
     "TRAJECTORY",
@@ -106,6 +107,9 @@ EXPLAINED = 0.6
 BEYOND_ZERO = 0.8
 """On the other side of 0 no less is left than this share of what is left at 0: a phase has a second
 valley there, a lag has none, and noise wiggles."""
+SECOND_VALLEY = 20.0
+"""Or, where the motion swings, no less than this factor of what is left at the lag: the second
+valley of a phase was up to 4 times as high as the first."""
 FILTERED = 0.6
 """An output of which states of three samples leave less than this share of what those of one leave
 is filtered rather than late."""
