@@ -139,7 +139,7 @@ def test_the_command_takes_a_known_delay_off(frame, late, tmp_path):
     }
     for name, (file, *options) in ways.items():
         result = in_a_process(
-            "estimate", log, *read, *options, "--out", f"{name}.csv", cwd=tmp_path
+            "estimate", file, *read, *options, "--out", f"{name}.csv", cwd=tmp_path
         )
         assert result.returncode == 0, result.stderr
         if options:

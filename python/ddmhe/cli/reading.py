@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
 from ddmhe._core import History, wrapped_angle
 from ddmhe.checks import file_words, shown, word
 from ddmhe.cli.printing import warn
-from ddmhe.logs import Log, Split, read_log
+from ddmhe.cli.telling import in_words_of
+from ddmhe.logs import Log, Names, Split, read_log
 from ddmhe.recordings.oddities import far_out
 
 __all__ = ["read", "untold"]
@@ -38,32 +39,24 @@ def read(log: Path, given: dict[str, Any]) -> tuple[Log, Split]:
         warn(sentence)
     samples = samples.fill_gaps() if given.pop("gaps") == "fill" else samples
     split = samples.split(given.pop("history"))
-    late = late_words(split.history, samples.names.output)
+    late = late_words(split.history, samples.names)
     if late:
         warn(f"{file_words(log)}: {late}")
     return samples, split
 
 
-def late_words(history: History, outputs: Sequence[str]) -> str:
+def late_words(history: History, names: Names) -> str:
     """Which recorded outputs surely lag the recorded states or lead them, and the option that takes
     it off; empty where none does."""
     from ddmhe.design.delay import output_delay
 
     found = output_delay(history)
-    seconds = {
-        name: (d, of_name)
-        for name, d, of_name in zip(outputs, found.samples, found.seconds, strict=True)
-        if d and of_name is not None
-    }
-    if not seconds:
-        return ""
-    said = [
-        f"output {name!r} {'lags' if d > 0 else 'leads'} the recorded states by about "
-        f"{abs(of_name):.4g} s ({abs(d)} sample{'s' if abs(d) > 1 else ''})"
-        for name, (d, of_name) in seconds.items()
-    ]
-    option = ",".join(f"{name}={of_name:.4g}" for name, (_, of_name) in seconds.items())
-    return f"{', '.join(said)}: --delay {option}"
+    option = ",".join(
+        f"{name}={d * history.dt:.4g}"
+        for name, d in zip(names.output, found.samples, strict=True)
+        if d
+    )
+    return f"{', '.join(in_words_of(names, found.words))}: --delay {option}" if option else ""
 
 
 def _oddities(log: Log) -> Iterator[str]:

@@ -19,7 +19,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from ddmhe._core import DdmheError, History
+from ddmhe._core import History
 from ddmhe.checks import check_history, check_whole
 from ddmhe.design.tol import (
     BEYOND_ZERO,
@@ -62,14 +62,12 @@ class OutputDelay:
     samples: tuple[int | None, ...]
     """Lag of each of the p outputs in samples, negative where the output comes before the states; 0
     where a lag of 0 is as sure; None where the recording does not tell."""
-    dt: float | None
-    """Sampling interval, s; None for a recording without."""
+    dt: float
+    """Sampling interval, s."""
 
     @property
     def seconds(self) -> tuple[float | None, ...]:
-        """The same in seconds; DdmheError for a recording without a sampling interval."""
-        if self.dt is None:
-            raise DdmheError("dt: expected a recording with a sampling interval, found none")
+        """The same in seconds."""
         return tuple(None if d is None else d * self.dt for d in self.samples)
 
     @property
@@ -77,14 +75,10 @@ class OutputDelay:
         """A sentence for each output that surely lags or leads, its channel counted from 0."""
         return tuple(
             f"output {j} (counted from 0) {'lags' if d > 0 else 'leads'} the recorded states by "
-            f"about {self._length(abs(d))}"
+            f"about {abs(d) * self.dt:.4g} s ({abs(d)} sample{'s' if abs(d) > 1 else ''})"
             for j, d in enumerate(self.samples)
             if d
         )
-
-    def _length(self, d: int) -> str:
-        samples = f"{d} sample{'s' if d > 1 else ''}"
-        return samples if self.dt is None else f"{d * self.dt:.4g} s ({samples})"
 
 
 def output_delay(history: History, most: int | None = None) -> OutputDelay:
