@@ -56,6 +56,11 @@ def test_a_lag_of_driven_states_is_told(seed, samples):
     assert (found.lags[found.unexplained.argmin(axis=1)] == samples).all()
 
 
+def test_a_long_recording_tells_it_by_a_part_of_its_samples():
+    x, y, _ = driven(11, T=20_000)
+    assert output_delay(ddmhe.History(x[60:], y[53:-8], 0.1)).samples == (7, 7)
+
+
 def test_each_output_has_its_own_lag():
     x, y, _ = driven(4)
     rows = np.arange(60, 60 + T)

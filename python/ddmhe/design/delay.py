@@ -46,6 +46,8 @@ BESIDE = 2
 AROUND = ((1, 2), (5, 10))
 """Samples before and after k whose states are tried, too: a filter of a few samples, and of some
 ten."""
+MOST_PAIRS = 3000
+"""So many samples say enough; more cost memory, 2D+1 times the recording."""
 SHARE, MOST = 5, 60
 """Lags up to one SHARE-th of the shortest recording are tried, and up to MOST samples: samples at
 its ends have no partner."""
@@ -117,12 +119,14 @@ def output_delay(history: History, most: int | None = None) -> OutputDelay:
 
 def _paired(history: History, lags: NDArray[np.int64]) -> tuple[Array, Array]:
     """States and inputs [x(k+d) u(k+d)] and outputs y(k+d) for all lags d, (K, 2D+1, n+m) and
-    (K, 2D+1, p): samples k of all recordings that have a partner at each d."""
+    (K, 2D+1, p): samples k of all recordings that have a partner at each d, every one or, where
+    they are more than MOST_PAIRS, evenly spaced ones."""
     D = int(lags[-1])
+    every = -(-sum(len(y) for _, y in history.recordings) // MOST_PAIRS)
     states, outputs = [], []
     inputs = history.inputs or [np.empty((len(y), 0)) for _, y in history.recordings]
     for (x, y), u in zip(history.recordings, inputs, strict=True):
-        rows = np.arange(D, len(y) - D)[:, None] + lags
+        rows = np.arange(D, len(y) - D, every)[:, None] + lags
         states.append(np.hstack([x[: len(y)], u])[rows])
         outputs.append(y[rows])
     return np.concatenate(states), np.concatenate(outputs)
