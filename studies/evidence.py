@@ -183,7 +183,7 @@ def page(linear_by, exact, curved, real_by, begun) -> list[str]:
     took = (time.monotonic() - begun) / 60
     return [
         WORDS,
-        f"Run in {took:.0f} minutes on one core of a machine that had other work, too.",
+        f"Run in {took:.1f} minutes of one core.",
         "",
         *("## Asked and measured", "", *asked(joined, exact["noise stated"], curved, real), ""),
         *("## Linear systems", "", LINEAR_WORDS, *linear_table(linear_by, joined, noisy), ""),

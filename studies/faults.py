@@ -199,25 +199,32 @@ def main() -> None:
     for case in cases(RUNS, FIRST):
         by_case[case.name] = looks(case)
         progress(case.name)
-    rows, lines = [], []
-    rows += stuck_rows([*cases(RUNS, FIRST), *driven_cases()])
-    rows += alarm_rows(by_case)
-    late_rows, late_lines = late_tables(RUNS, FIRST + 1000, progress)
-    gate_rows, gate_lines = gate_tables(RUNS, FIRST + 2000, GATE, progress)
+    lines = page(
+        by_case,
+        stuck_rows([*cases(RUNS, FIRST), *driven_cases()]),
+        late_tables(RUNS, FIRST + 1000, progress),
+        gate_tables(RUNS, FIRST + 2000, GATE, progress),
+        begun,
+    )
+    write_half("faults", lines)
+    print("\n".join(lines))
+
+
+def page(by_case, stuck, late, gate, begun: float) -> list[str]:
+    """The half of the page; `late` and `gate` are rows of what was asked for, and lines."""
     took = (time.monotonic() - begun) / 60
+    rows = [*stuck, *alarm_rows(by_case), *late[0], *gate[0]]
+    lines = [WORDS, f"Run in {took:.1f} minutes of one core.", ""]
     lines += [
-        WORDS,
-        f"Run in {took:.0f} minutes on one core of a machine that had other work, too.",
+        "### Asked and measured",
+        "",
+        *markdown_table(("", "asked", "measured", ""), rows),
         "",
     ]
-    table = markdown_table(("", "asked", "measured", ""), rows + late_rows + gate_rows)
-    lines += ["### Asked and measured", "", *table, ""]
     lines += ["### Detectors", "", DETECTOR_WORDS, *overview(by_case), ""]
     for name, found in by_case.items():
         lines += [f"**{name}**", "", *of_one(found), ""]
-    lines += [UNSEEN_WORDS, *late_lines, *gate_lines]
-    write_half("faults", lines)
-    print("\n".join(lines))
+    return [*lines, UNSEEN_WORDS, *late[1], *gate[1]]
 
 
 def driven_cases() -> list[Case]:
