@@ -22,7 +22,7 @@ from late_outputs import late_tables
 from output_faults import Case, Fault, Faulty, cases, faults
 from real_logs import Test
 
-RUNS = int(os.environ.get("RUNS", "20"))
+RUNS = int(os.environ.get("RUNS", "40"))
 GATE = None if os.environ.get("GATE") == "none" else os.environ.get("GATE", "auto")
 """Of the gate's columns."""
 FIRST = 40_000
