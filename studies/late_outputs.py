@@ -41,7 +41,7 @@ def late_tables(runs: int, first: int, progress) -> tuple[list, list[str]]:
     rows = [all_along(case) for case in systems]
     lines += [*markdown_table(("", *(f"late by {d}" for d in LATE)), rows), ""]
     progress("outputs late all along")
-    counts = {name: told(tests) for name, tests in lag_families(2 * runs, first + 500)}
+    counts = {name: told(tests) for name, tests in lag_families(runs, first + 500)}
     progress("lags told")
     lines += ["**The lag that a recording tells** (`design.output_delay`).", "", TOLD_WORDS]
     rows = [[name, *map(words_of, by_lag.values())] for name, by_lag in counts.items()]

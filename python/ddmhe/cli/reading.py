@@ -41,7 +41,7 @@ def read(log: Path, given: dict[str, Any]) -> tuple[Log, Split]:
     split = samples.split(given.pop("history"))
     late = late_words(split.history, samples.names)
     if late:
-        warn(f"{log}: {late}")
+        warn(f"{file_words(log)}: {late}")
     return samples, split
 
 

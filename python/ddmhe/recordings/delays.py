@@ -54,12 +54,12 @@ def whole_samples(path: str, delay: Mapping[str, float], step: float, rows: int)
         if not abs(samples - np.round(samples)) <= OFF:
             raise LogError(
                 f"delay: expected whole samples of {path}, {step:.6g} s each, found {seconds:g} s "
-                f"for output {name!r}, {samples:.4g} of them"
+                f"for output {shown(name)}, {samples:.4g} of them"
             )
         if abs(samples) >= rows:
             raise LogError(
                 f"delay: expected less than the {rows * step:.6g} s of {path}, found {seconds:g} s "
-                f"for output {name!r}"
+                f"for output {shown(name)}"
             )
         found[name] = int(np.round(samples))
     return found

@@ -262,7 +262,7 @@ class Log:
         if not real.size or real[-1] < size - 1 or real[0] > 0:
             raise LogError(
                 f"history: expected outputs for all of it, found that a delay of {self._delays} "
-                f"leaves rows of {self.path} without"
+                f"leaves rows of {self._named} without"
             )
         runs = np.diff(real[: np.searchsorted(real, size) + 1]) - 1
         if runs.max() > MOST_INTERPOLATED:
@@ -275,7 +275,7 @@ class Log:
 
     @property
     def _delays(self) -> str:
-        return ", ".join(f"{seconds:g} s of {name!r}" for name, seconds in self.delay.items())
+        return ", ".join(f"{seconds:g} s of {shown(name)}" for name, seconds in self.delay.items())
 
     def _check_measured(
         self, values: Array, lines: NDArray[np.int64], names: Sequence[str]
