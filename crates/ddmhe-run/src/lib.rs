@@ -73,6 +73,7 @@ pub mod fallback;
 pub mod judging;
 pub mod kalman;
 pub mod layout;
+mod look_ahead;
 pub mod memory;
 pub mod panels;
 pub mod plan;

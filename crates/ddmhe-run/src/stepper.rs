@@ -368,6 +368,7 @@ impl<'p, 'm> Stepper<'p, 'm> {
                 self.memory.push_input(u.iter().copied());
             }
         }
+        self.memory.prepare(&shared);
         let elsewhere = shared.evidence.is_some_and(|known| known.starts_elsewhere());
         self.memory.start_evidence(&shared, self.plan.starts_unknown(), elsewhere);
     }
