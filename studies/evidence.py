@@ -277,8 +277,9 @@ Nothing was changed after this page was first printed.
 LINEAR_WORDS = """\
 Two masses, an oscillation of which one state is measured, and decaying modes that noise drives;
 recorded states exact or read with noise, outputs always noisy; as many samples after the recording
-as it has. *default* takes the weights of the recording nearly always, *scaled* the ridge space. An exact
-recording without a stated noise knows of none before the run, so that NIS/p says nothing there.
+as it has. *default* takes the weights of the recording nearly always, *scaled* the ridge space. An
+exact recording without a stated noise knows of none before the run, so that NIS/p says nothing
+there.
 """
 CURVED_WORDS = """\
 Bodies, targets and the demo: 20 s recorded, 100 s after it. Targets differ in inertia,

@@ -67,6 +67,23 @@ def test_spikes_are_rejected_and_count_as_not_measured(weights, start):
     assert all(f"{n} time" in " ".join(told) or n < 2 for n in at.sum(axis=0))
 
 
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("weights", ["scaled", "recorded"])
+def test_known_inputs_and_bounds(weights, seed):
+    """What is rejected is as far from the forced motion as from none, whatever is lost beside it."""
+    case = Noisy.random(seed, x_noise=0.02, steps=90)
+    rng = np.random.default_rng(seed)
+    spoilt, at = spiked(case.history, case.Y, rng, times=60)
+    at[:40], spoilt[:40] = False, case.Y[:40]
+    lost = rng.random(spoilt.shape) < 0.05
+    spoilt, at = np.where(lost, np.nan, spoilt), at & ~lost
+    settings = {"weights": weights, "x_bounds": (-60.0, 60.0), "start": "recording"}
+    log = ddmhe.DdMhe(case.history, gate=6.0, **settings).run(spoilt, case.U)
+    np.testing.assert_array_equal(log.evidence.gated, at)
+    missing = ddmhe.DdMhe(case.history, **settings).run(np.where(at, np.nan, spoilt), case.U)
+    np.testing.assert_array_equal(log.x, missing.x)
+
+
 def test_where_nothing_is_rejected_nothing_changes():
     history, Y = case(6)
     for settings in ({}, {"weights": "scaled"}, {"start": "unknown"}):

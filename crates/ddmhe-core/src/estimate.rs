@@ -1,6 +1,7 @@
 //! What a step returns, with its evidence.
 
 use ddmhe_run::evidence::Rule;
+use ddmhe_run::memory::Alone;
 use ddmhe_run::{Reasons, Status};
 use serde::{Deserialize, Serialize};
 
@@ -193,6 +194,43 @@ impl Log {
         if let Some(evidence) = &mut self.evidence {
             evidence.reserve(steps, n, p);
         }
+    }
+}
+
+impl Log {
+    /// One more step.
+    #[inline(always)]
+    pub(crate) fn push(&mut self, estimate: &Estimate) {
+        self.x.extend_from_slice(&estimate.x);
+        self.cost.push(estimate.cost);
+        self.status.push(estimate.status);
+        self.active.push(estimate.active);
+        self.iterations.push(estimate.iterations);
+        self.bound.extend(estimate.bound);
+        if let (Some(log), Some(of)) = (&mut self.evidence, &estimate.evidence) {
+            log.push(of);
+        }
+    }
+
+    /// Up to so many more of n states that `make` makes without bounds: how many it made.
+    #[inline(always)]
+    pub(crate) fn row(
+        &mut self,
+        steps: usize,
+        n: usize,
+        make: impl FnOnce(Alone<'_>) -> usize,
+    ) -> usize {
+        let (x, before) = (self.x.len(), self.cost.len());
+        self.x.resize(x + steps * n, 0.0);
+        self.cost.resize(before + steps, 0.0);
+        let made = make(Alone { x: &mut self.x[x..], cost: &mut self.cost[before..] });
+        let steps = before + made;
+        self.x.truncate(x + made * n);
+        self.cost.truncate(steps);
+        self.status.resize(steps, Status::Optimal);
+        self.active.resize(steps, 0);
+        self.iterations.resize(steps, 0);
+        made
     }
 }
 

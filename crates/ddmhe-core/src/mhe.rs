@@ -15,7 +15,11 @@ use crate::needs::Needs;
 use crate::run::Run;
 use crate::saved::Saved;
 use crate::tol;
+use std::ops::Range;
 use std::sync::Arc;
+
+/// Steps that are made in a row at most before it is asked whether to stop.
+const ROW: usize = 32;
 
 /// One sample: what a step is given.
 #[derive(Debug, Clone, Copy, Default)]
@@ -140,27 +144,24 @@ impl DdMhe {
         let mut interrupt = Interrupt::new(stop);
         let steps = ys.len() / p;
         let alone = self.run.may_be_alone(&self.design);
-        for (k, y) in ys.chunks_exact(p).enumerate() {
+        let mut k = 0;
+        while k < steps {
             let stopped = interrupt.stopped();
             if stopped && (k == 0 || !alone) {
                 break;
             }
-            let sample = (y, &us[k * m..(k + 1) * m]);
             // the window of the last step is there to be looked at
-            let last = stopped || k + 1 == steps;
-            if !alone || last || !self.run.advance_alone(&self.design, sample) {
-                self.advance(sample.0, sample.1, None);
+            let last = !alone || stopped || k + 1 == steps;
+            let row = k..if last { k } else { (k + ROW).min(steps - 1) };
+            let made = self.run_row(ys, us, row, &mut log);
+            if made == 0 {
+                let sample = (&ys[k * p..(k + 1) * p], &us[k * m..(k + 1) * m]);
+                if last || !self.run.advance_alone(&self.design, sample) {
+                    self.advance(sample.0, sample.1, None);
+                }
+                log.push(&self.run.estimate);
             }
-            let estimate = &self.run.estimate;
-            log.x.extend_from_slice(&estimate.x);
-            log.cost.push(estimate.cost);
-            log.status.push(estimate.status);
-            log.active.push(estimate.active);
-            log.iterations.push(estimate.iterations);
-            log.bound.extend(estimate.bound);
-            if let (Some(log), Some(of)) = (&mut log.evidence, &estimate.evidence) {
-                log.push(of);
-            }
+            k += made.max(1);
             if stopped {
                 break;
             }
@@ -324,6 +325,18 @@ impl DdMhe {
         self.run.restart(&self.design, x_prior.or(self.config.x_prior.as_deref()));
     }
 
+    /// As many steps of a log, from that of the first of these samples on, as are made in one go: how
+    /// many.
+    #[inline(always)]
+    fn run_row(&mut self, ys: &[f64], us: &[f64], row: Range<usize>, log: &mut Log) -> usize {
+        if row.is_empty() {
+            return 0;
+        }
+        let (n, p, m) = (self.n(), self.p(), self.design.history.m());
+        let samples = (&ys[row.start * p..row.end * p], &us[row.start * m..row.end * m]);
+        log.row(row.len(), n, |out| self.run.advance_row(&self.design, samples, out))
+    }
+
     /// One step on checked input.
     fn advance(&mut self, y: &[f64], u: &[f64], x_bounds: Option<&Bounds>) -> &Estimate {
         self.run.advance(&self.design, (y, u), x_bounds);
@@ -382,7 +395,7 @@ impl DdMhe {
         if m == 0 {
             return Ok(());
         }
-        let shared = self.design.ground.shared();
+        let shared = &self.design.problems[0].problem().shared;
         let far = u.chunks_exact(m).enumerate().find_map(|(row, u)| {
             let within = |(u, far): (&f64, f64)| u.is_finite() && far.abs() <= tol::MEASURABLE;
             let deviations = shared.input_deviations(u);

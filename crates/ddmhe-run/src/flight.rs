@@ -85,6 +85,7 @@ impl<'p, 'm> Stepper<'p, 'm> {
                 self.memory.push_input(u.iter().copied());
             }
         }
+        self.memory.prepare(&shared);
         if self.plan.starts_unknown() {
             self.memory.begin_unknown(0);
         }
@@ -177,6 +178,7 @@ impl<'p, 'm> Stepper<'p, 'm> {
         self.t = 0;
         self.memory.clear();
         self.memory.push_state(shared.mean_x.iter().map(|_| 0.0));
+        self.memory.prepare(&shared);
         self.memory.begin_unknown(0);
         self.memory.start_evidence(&shared, true, true);
         for sample in log.chunks_exact(p + u.len()).take(steps) {

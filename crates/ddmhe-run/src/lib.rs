@@ -76,6 +76,7 @@ pub mod gating;
 pub mod judging;
 pub mod kalman;
 pub mod layout;
+mod look_ahead;
 pub mod memory;
 pub mod panels;
 pub mod plan;

@@ -8,6 +8,7 @@ use crate::plan::common::{Shared, Sizes};
 use crate::problem::Scratch;
 use crate::sliding::SlidingBuffer;
 use crate::tol;
+pub use alone::Alone;
 pub(crate) use considered::FilterStep;
 use core::ops::Range;
 use filtering::Filtering;
@@ -19,6 +20,7 @@ use stretches::{Stretches, samples};
 use witness::Witness;
 pub use witness::{Judged, Told};
 
+mod alone;
 mod considered;
 mod filtering;
 mod forced;
@@ -104,12 +106,18 @@ impl<B: AsRef<[f64]> + AsMut<[f64]>> Memory<B> {
         self.outputs.clear();
         self.states.clear();
         self.inputs.clear();
+        self.forced.clear();
         self.filtering.clear();
         self.witness.clear();
         self.gate.start(self.block.as_mut());
         self.since = usize::MAX;
         (self.depth, self.missing, self.sides, self.before) = (0, 0, 0, 0);
         self.kept = Kept::default();
+    }
+
+    /// What is made once of a plan, at the start of a run: else its first step makes it.
+    pub fn prepare(&mut self, shared: &Shared<'_>) {
+        self.forced.prepare(self.block.as_mut(), shared);
     }
 
     /// Outputs that are kept.

@@ -393,6 +393,12 @@ impl<'a> Shared<'a> {
         x.iter().zip(self.mean_x).zip(self.s_x).map(|((x, mean), s)| (x - mean) / s)
     }
 
+    /// A state of these scaled deviations in the user's units.
+    #[inline(always)]
+    pub fn state_of(&self, x: &[f64]) -> impl Iterator<Item = f64> {
+        x.iter().zip(self.mean_x).zip(self.s_x).map(|((x, mean), s)| x * s + mean)
+    }
+
     /// An output as scaled deviations.
     #[inline(always)]
     pub fn output_deviations(&self, y: &[f64]) -> impl Iterator<Item = f64> {
