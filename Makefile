@@ -5,7 +5,7 @@
 .PHONY: help setup packages demo test test-long fuzz audit lint bench bench-latency bench-peers \
 	instructions wheel test-wheel study-defaults study-certificates study-tuning study-promise \
 	study-sensitivity study-reproduction study-intervals study-estimators study-disturbance \
-	study-stated-noise study-evidence study-inputs clean
+	study-stated-noise study-evidence study-faults study-inputs clean
 
 PY := .venv/bin/python
 # The build belongs to .venv, whatever environment the shell is in.
@@ -49,7 +49,8 @@ audit: ## licences and known faults of what it is built from
 	cargo deny --locked check
 	test -d .venv-audit || python3 -m venv .venv-audit
 	.venv-audit/bin/pip install --quiet --disable-pip-version-check pip-audit==2.10.1
-	.venv-audit/bin/pip-audit --no-deps --disable-pip -r requirements-dev.txt
+	.venv-audit/bin/pip-audit --strict --no-deps --disable-pip \
+		-r requirements-dev.txt
 
 lint: rust-components packages ## formatting, clippy, rustdoc, ruff, mypy
 	cargo fmt --all --check
@@ -126,9 +127,12 @@ study-disturbance: setup ## fitted disturbance and weights from the recording
 study-inputs: setup ## what known inputs are worth, and with which weights
 	OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 $(PY) studies/known_inputs.py
 
-# DDMHE_LOGS=FOLDER: measured pendulum logs, which take part where they are.
-study-evidence: setup ## how often errors lie within the stated bars; docs/evidence-study.md
+# DDMHE_DATA=FOLDER: measured logs, which take part where they are.
+study-evidence: setup ## how often errors lie within the stated bars; docs/measured/evidence.md
 	OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 $(PY) studies/evidence.py
+
+study-faults: setup ## which faults of outputs are seen, when; docs/measured/evidence.md
+	OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 $(PY) studies/faults.py
 
 study-reproduction: setup ## every experiment of both papers; docs/claims.md and its tables
 	$(PY) -m ddmhe reproduce all --out ddmhe-reproduce

@@ -10,7 +10,7 @@ from ddmhe.reasons import Reason
 
 _Floats: TypeAlias = NDArray[np.float64]
 _Box: TypeAlias = tuple[ArrayLike, ArrayLike] | Sequence[ArrayLike]
-_Start: TypeAlias = Literal["recording", "state", "unknown"]
+_Start: TypeAlias = Literal["auto", "recording", "state", "unknown"]
 _Status: TypeAlias = Literal["optimal", "almost_optimal", "infeasible", "failed"]
 
 class _Certificate(Protocol):
@@ -160,6 +160,8 @@ class DdMhe:
         output_noise: ArrayLike | None = None,
         drift: ArrayLike | None = None,
         evidence: bool = True,
+        gate: Literal["auto"] | float | None = None,
+        stuck: Literal["tell", "missing"] = "tell",
     ) -> DdMhe: ...
     @overload
     def step(
@@ -287,6 +289,10 @@ class Evidence:
     def innovation_std(self) -> _Floats: ...
     @property
     def stuck(self) -> NDArray[np.bool_]: ...
+    @property
+    def gated(self) -> NDArray[np.bool_]: ...
+    @property
+    def restarted(self) -> bool: ...
 
 @final
 class Log:
@@ -327,6 +333,10 @@ class EvidenceLog:
     def innovation_std(self) -> _Floats: ...
     @property
     def stuck(self) -> NDArray[np.bool_]: ...
+    @property
+    def gated(self) -> NDArray[np.bool_]: ...
+    @property
+    def restarted(self) -> NDArray[np.bool_]: ...
 
 def run_many(
     estimators: DdMhe | Sequence[DdMhe] | Sequence[History],

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from numbers import Integral, Real
 from typing import Any, TypeVar
 
@@ -26,11 +26,20 @@ __all__ = [
     "check_path",
     "check_whole",
     "choice",
+    "file_words",
+    "listed",
+    "one_line",
+    "reason",
     "shown",
+    "word",
 ]
 
 LONGEST = 60
 """Characters of what was given that a message shows."""
+LONGEST_REASON = 300
+"""Characters of another library's message, or of a path, that a message shows."""
+MOST_LISTED = 40
+"""Names of a file that a message lists."""
 MOST = 2**63 - 1
 """Largest whole number that arrays can be indexed with."""
 
@@ -132,7 +141,35 @@ def choice(name: str, value: Any, known: Any) -> Any:
 def shown(value: Any) -> str:
     """What was given, short and in one line."""
     try:
-        text = " ".join(repr(value).split())
+        text = repr(value) if type(value) is str else reason(repr(value), None)
     except Exception:  # a whole number of more than 4300 digits, or whatever a class may do
         return f"a {type(value).__name__} that cannot be printed"
     return text if len(text) <= LONGEST else f"{text[:LONGEST]}… (a {type(value).__name__})"
+
+
+def word(text: str) -> str:
+    """A name from a file as it stands there; as `shown` where it is long or not of one line."""
+    return text if text.isprintable() and len(text) <= LONGEST else shown(text)
+
+
+def listed(names: Sequence[str]) -> str:
+    """Names from a file, separated by commas; of many the first ones."""
+    more = len(names) - MOST_LISTED
+    return ", ".join(map(word, names[:MOST_LISTED])) + (f" and {more} more" if more > 0 else "")
+
+
+def file_words(path: str | os.PathLike[str]) -> str:
+    """A path in one line; of a long one the end, which says most."""
+    text = one_line(str(path))
+    return text if len(text) <= LONGEST_REASON else f"…{text[-LONGEST_REASON:]}"
+
+
+def reason(said: object, longest: int | None = LONGEST_REASON) -> str:
+    """What another library said, in one line."""
+    text = one_line(" ".join(str(said).split()))
+    return text if longest is None or len(text) <= longest else f"{text[:longest]}…"
+
+
+def one_line(text: str) -> str:
+    """The text with escapes for what a terminal would obey or could not show."""
+    return "".join(c if c.isprintable() else repr(c)[1:-1] for c in text)

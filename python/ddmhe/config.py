@@ -12,6 +12,9 @@ process_noise = "residual"       # or "recorded", "none", or [[1e-4, 0.0], [0.0,
 w_bounds = [-0.1, 0.1]
 output_noise = 0.01              # or one an output, [0.01, 0.02]
 evidence = true                  # false: estimates do not say how far to trust them
+gate = 5.0                       # or "auto": outputs that cannot be right are rejected
+stuck = "missing"                # an output that is stuck counts as not measured
+start = "unknown"                # or "auto", "recording", "state"
 missing = [-9999, 999]           # for the command line: numbers of a log that say "not measured"
 space = { kind = "truncated", rank = 5 }   # or "auto", "exact", or a ridge:
 # space = { kind = "ridge", weight = 1e-2, normalised = true }
@@ -37,7 +40,7 @@ import numpy as np
 import tomli_w
 
 from ddmhe._core import DdmheError, Exact, Ridge, Truncated, check_settings, setting_names
-from ddmhe.checks import check_kind, check_number, check_path, shown
+from ddmhe.checks import check_kind, check_number, check_path, file_words, reason, shown
 from ddmhe.files import write_text
 
 if TYPE_CHECKING:
@@ -90,33 +93,34 @@ def read_config(path: str | Path) -> dict[str, Any]:
     ConfigError in one sentence naming the file and the key.
     """
     check_path("path", path)
-    table = _table(path)
+    named, table = file_words(path), _table(path)
     known = (*setting_names(), *READING)
     for key in table:
         if key not in known:
             raise ConfigError(
-                f"{path}: expected one of the keys {', '.join(known)}, "
-                f"found {key!r}{_nearest(key, known)}"
+                f"{named}: expected one of the keys {', '.join(known)}, "
+                f"found {shown(key)}{_nearest(key, known)}"
             )
     try:
         return {key: _setting(key, value) for key, value in table.items()}
     except DdmheError as e:
-        raise ConfigError(f"{path}, {e}") from e
+        raise ConfigError(f"{named}, {e}") from e
 
 
 def _table(path: str | Path) -> dict[str, Any]:
+    named = file_words(path)
     try:
         with open(path, "rb") as f:
             return tomllib.load(f)
     except FileNotFoundError:
-        raise ConfigError(f"{path}: expected a configuration file, found no such file") from None
+        raise ConfigError(f"{named}: expected a configuration file, found no such file") from None
     except OSError as e:
         raise ConfigError(
-            f"{path}: expected a readable configuration file, found that it is not ({e.strerror})"
+            f"{named}: expected a readable configuration file, found that it is not ({e.strerror})"
         ) from e
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as e:
+    except (ValueError, RecursionError) as e:  # not TOML, not UTF-8, beyond what Python converts
         raise ConfigError(
-            f"{path}: expected a TOML file, found an error in it ({' '.join(str(e).split())})"
+            f"{named}: expected a TOML file, found an error in it ({reason(e)})"
         ) from e
 
 
@@ -145,15 +149,18 @@ def _space(value: Any) -> Space:
     if isinstance(value, str):
         return space_from_text(value)
     if not isinstance(value, dict):
-        raise ConfigError(f"space: expected a text or a table, found {value!r}")
+        raise ConfigError(f"space: expected a text or a table, found {shown(value)}")
     kind, arguments = value.get("kind"), {k: v for k, v in value.items() if k != "kind"}
     if not isinstance(kind, str) or kind not in SPACES:
-        raise ConfigError(f"space: expected kind {', '.join(map(repr, SPACES))}, found {kind!r}")
+        raise ConfigError(
+            f"space: expected kind {', '.join(map(repr, SPACES))}, found {shown(kind)}"
+        )
     known = inspect.signature(SPACES[kind]).parameters
     for name in arguments:
         if name not in known:
             raise ConfigError(
-                f"space: expected {' or '.join(known) or 'no argument'} for {kind}, found {name!r}"
+                f"space: expected {' or '.join(known) or 'no argument'} for {kind}, "
+                f"found {shown(name)}"
             )
     for name, parameter in known.items():
         if parameter.default is parameter.empty and name not in arguments:
@@ -169,12 +176,12 @@ def _certificate(table: Any) -> Certificate:
     from ddmhe.design.certificate import Certificate, Uncertainty
 
     if not isinstance(table, dict):
-        raise ConfigError(f"certificate: expected a table, found {table!r}")
+        raise ConfigError(f"certificate: expected a table, found {shown(table)}")
     for name in table:
         if name not in CERTIFICATE:
             raise ConfigError(
                 f"certificate: expected one of {', '.join(sorted(CERTIFICATE))}, "
-                f"found {name!r}{_nearest(name, CERTIFICATE)}"
+                f"found {shown(name)}{_nearest(name, CERTIFICATE)}"
             )
     missing = [name for name in ("eta", "P", "Q", "R") if name not in table]
     if missing:
@@ -197,7 +204,9 @@ def _array(value: Any) -> Any:
     try:
         return np.array(value, dtype=np.float64)
     except (ValueError, TypeError, OverflowError) as e:
-        raise ConfigError(f"certificate: expected rectangular matrices, found others ({e})") from e
+        raise ConfigError(
+            f"certificate: expected rectangular matrices, found others ({reason(e)})"
+        ) from e
 
 
 def write_config(path: str | Path, settings: Mapping[str, Any]) -> None:
@@ -212,7 +221,7 @@ def write_config(path: str | Path, settings: Mapping[str, Any]) -> None:
         text = tomli_w.dumps(plain)
     except (TypeError, ValueError, AttributeError) as e:
         raise ConfigError(
-            f"settings: expected keywords of DdMhe that a file can hold, found others ({e})"
+            f"settings: expected keywords of DdMhe that a file can hold, found others ({reason(e)})"
         ) from e
     write_text(path, text)
 
@@ -261,5 +270,5 @@ def space_from_text(text: str) -> Space:
     except (ValueError, OverflowError):
         pass
     raise ConfigError(
-        f"space: expected auto, exact, truncated:RANK or ridge:WEIGHT, found {text!r}"
+        f"space: expected auto, exact, truncated:RANK or ridge:WEIGHT, found {shown(text)}"
     )

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from ddmhe._core import DdmheError
-from ddmhe.checks import check_path
+from ddmhe.checks import check_path, file_words
 
 __all__ = ["FileError", "check_writable", "write", "write_text"]
 
@@ -24,21 +24,27 @@ def write(path: str | Path, save: Callable[[Path], object]) -> None:
     device, a pipe) is written to directly. FileError names the path and the reason."""
     check_path("path", path)
     place = Path(os.path.realpath(path))
-    special = place.exists() and not place.is_file()
-    beside = (
-        Path(path) if special else place.with_name(f".{place.stem}.{os.getpid()}{place.suffix}")
-    )
     try:
-        save(beside)
-        if not special:
-            _force(beside)
-            beside.replace(place)
+        if place.exists() and not place.is_file():
+            save(Path(path))
+        else:
+            _beside(place, save)
     except OSError as e:
         reason = e.strerror or str(e)
-        raise FileError(f"{path}: expected to be able to write this file, found: {reason}") from e
+        raise FileError(
+            f"{file_words(path)}: expected to be able to write this file, found: {reason}"
+        ) from e
+
+
+def _beside(place: Path, save: Callable[[Path], object]) -> None:
+    """Saved beside its place, then renamed."""
+    beside = place.with_name(f".{place.stem}.{os.getpid()}{place.suffix}")
+    try:
+        save(beside)
+        _force(beside)
+        beside.replace(place)
     finally:
-        if not special:
-            beside.unlink(missing_ok=True)
+        beside.unlink(missing_ok=True)
 
 
 def check_writable(path: str | Path) -> None:

@@ -17,10 +17,12 @@ RESTART = 4
 
 @dataclass
 class Run:
-    """What a gated run has seen so far; x and Sigma start at t = 0."""
+    """What a gated run has seen so far; x, past and Sigma start at t = 0."""
 
     x: list
     Sigma: list
+    past: list
+    """x as later windows remember it: smoothed by those that grow from an unknown state."""
     start: int = 0
     growing: bool = False
     c2: float = 1.0
@@ -45,9 +47,10 @@ class Gated:
         self.y = (np.asarray(Y) - scales.mean_y) / scales.s_y
         self.goes_on = x_prior is not None and np.array_equal(x_prior, twin.last)
         if x_prior is None:
-            run = Run([np.zeros(twin.n)], [10 * twin.Sigma_x], growing=True)
+            run = Run([np.zeros(twin.n)], [10 * twin.Sigma_x], [np.zeros(twin.n)], growing=True)
         else:
-            run = Run([(x_prior - scales.mean_x) / scales.s_x], [self.evidence.P0])
+            x = (x_prior - scales.mean_x) / scales.s_x
+            run = Run([x], [self.evidence.P0], [x])
         run.count, run.sign = np.zeros(twin.p, int), np.zeros(twin.p)
         self.kept = np.ones(self.y.shape, bool)
         for t in range(1, len(self.y) + 1):
@@ -62,7 +65,7 @@ class Gated:
         m = max(d for d in twin.depths if d <= outputs)
         after = t - run.start - m  # samples since such a window was full for the first time
         if run.growing and after == 0:
-            return twin.openings[m], run.x[run.start], None
+            return twin.openings[m], run.past[run.start], None
         if run.growing and after <= m and t - run.start <= 2 * twin.M:
             prior, Sigma = run.smoothed[after]
             return twin.windows[m], prior, Sigma
@@ -87,12 +90,14 @@ class Gated:
         Q = self.evidence.stretched(V / V0, x, self.since(run, t)) * Q0
         run.V.append(V)
         run.x.append(x)
+        run.past.append(x)
         if Sigma is not None:
             A = window.Phi @ Sigma @ window.Phi.T
             run.Sigma.append(joined(A, Q, self.twin.spread))
             return
         spread, states = self.twin.spread, (window.c + window.B @ a)[: (m + 1) * n].reshape(-1, n)
         told = [joined(window.posterior(k), Q, spread) for k in range(m + 1)]
+        run.past[run.start + 1 : t] = states[1:-1]
         run.smoothed = list(zip(states, told, strict=True))
         run.Sigma.append(told[-1])
 

@@ -38,6 +38,7 @@ def test_a_small_channel_is_bounded_as_sharply_as_a_large_one(seed, small):
             1.0,
             x_bounds=x_bounds,
             v_bounds=v_bounds,
+            start="state",
         )
         bound = 0
         for sample in outputs * y_units:

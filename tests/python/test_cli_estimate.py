@@ -228,9 +228,7 @@ def test_what_the_estimator_warns_of_is_on_stderr(log):
     result = in_here("estimate", log, *COLUMNS, "--history", 20, "--space", "exact")
     history = log and pd.read_csv(log)
     x, y = history[STATE].to_numpy(), history[OUTPUT].to_numpy()
-    est = ddmhe.DdMhe(
-        ddmhe.History(x[: T + 1], y[:T], dt=0.1), space=ddmhe.Exact(), start="recording"
-    )
+    est = ddmhe.DdMhe(ddmhe.History(x[: T + 1], y[:T], dt=0.1), space=ddmhe.Exact())
     est.run(y[T:-1])
     assert est.warnings
     expected = []

@@ -3,9 +3,12 @@
 import re
 from pathlib import Path
 
+import pytest
+
 import odd_logs
 
 ROOT = Path(__file__).parents[2]
+PAGES = [*ROOT.glob("*.md"), *ROOT.glob("docs/**/*.md")]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 
 
@@ -14,7 +17,7 @@ def test_python_example_runs(capsys):
     assert len(blocks) == 5
     exec(compile("\n".join(blocks), "README.md", "exec"), {})
     printed = capsys.readouterr().out
-    assert "optimal (2, 3)" in printed  # one output in: a window of two states
+    assert "optimal (21, 3)" in printed  # M + 1 states: the window begins in the recording
     assert "['optimal']" in printed
     assert float(re.search(r"within 3 standard deviations: (\S+)", printed)[1]) > 0.99
     since = re.search(r"trusted for (\S+) s, then novel: True", printed)[1]
@@ -44,3 +47,17 @@ def test_the_paper_in_one_call_as_the_docs_have_it(capsys):
     printed = capsys.readouterr().out
     assert "Theorem 2 applies: True" in printed
     assert "errors within their bounds: True" in printed
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
+def test_links_lead_somewhere(page):
+    """To files that exist, and to headings that they have."""
+    for file, heading in re.findall(r"\]\(([^)#\s]*)#?([^)\s]*)\)", page.read_text("utf-8")):
+        if "://" in file or file.startswith("mailto:"):
+            continue
+        target = page.parent / file if file else page
+        assert target.exists(), f"{page.name}: {file}"
+        if heading:
+            titles = re.findall(r"^#+ (.*)$", target.read_text("utf-8"), re.MULTILINE)
+            anchors = {re.sub(r"[^\w\- ]", "", title.lower()).replace(" ", "-") for title in titles}
+            assert heading in anchors, f"{page.name}: {file}#{heading}"

@@ -45,7 +45,7 @@ def test_run_gives_the_numbers_of_step(recorded):
 
 def test_shapes_while_the_window_grows(recorded):
     _, x, y, _, outputs = recorded
-    estimator = ddmhe.DdMhe(ddmhe.History(x, y), horizon=5)
+    estimator = ddmhe.DdMhe(ddmhe.History(x, y), horizon=5, start="state")
     for t, sample in enumerate(outputs[:9], start=1):
         assert estimator.next_depth == min(t, 5)
         estimate = estimator.step(sample)

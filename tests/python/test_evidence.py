@@ -57,7 +57,7 @@ def test_covariance_and_doubts_are_those_of_the_reference(kind, seed):
         least = np.maximum(ddmhe._core.noise_levels(history)[1] ** 2, 1e-10 * y.var(axis=0))
         least = np.minimum(least, np.diag(fitted(history).R))
         noise = np.sqrt(np.maximum(settings["output_noise"] ** 2 - least, 0))
-    est = ddmhe.DdMhe(history, weights="scaled", **settings)
+    est = ddmhe.DdMhe(history, weights="scaled", **settings, start="state")
     log, twin = est.run(Y), Twin(history, est)
     trace, evidence = twin.run(Y, history.recordings[-1][0][-1]), Evidence(twin, noise)
     Sigma = evidence.covariance(trace)
@@ -81,7 +81,7 @@ def test_covariance_and_doubts_are_those_of_the_reference(kind, seed):
 def test_with_the_weights_of_the_recording_it_is_the_reference(seed):
     case = linear(seed)
     history, Y = case.history, case.Y
-    est = ddmhe.DdMhe(history, weights="recorded", process_noise="residual")
+    est = ddmhe.DdMhe(history, weights="recorded", process_noise="residual", start="state")
     last = history.recordings[-1][0][-1]
     noises, log = Noises.of_residuals(history), est.run(Y)
     found = told(noises, history.recordings, est.horizon, Y, last)
@@ -104,8 +104,8 @@ def test_evidence_changes_no_estimate_and_a_step_is_a_row_of_a_run(weights):
     Y = case.Y.copy()
     Y[20:23] = np.nan
     Y[50, 0] = np.nan
-    est = ddmhe.DdMhe(case.history, weights=weights)
-    bare = ddmhe.DdMhe(case.history, weights=weights, evidence=False)
+    est = ddmhe.DdMhe(case.history, weights=weights, start="state")
+    bare = ddmhe.DdMhe(case.history, weights=weights, evidence=False, start="state")
     log, without = est.run(Y), bare.run(Y)
     for name in ("x", "cost", "active", "iterations"):
         assert np.array_equal(getattr(log, name), getattr(without, name))
@@ -135,7 +135,7 @@ def test_lost_outputs_widen_the_bars():
     for seed in range(12):
         case = linear(seed, steps=120)
         for weights in ("scaled", "recorded"):
-            est = ddmhe.DdMhe(case.history, weights=weights)
+            est = ddmhe.DdMhe(case.history, weights=weights, start="state")
             whole = est.run(case.Y)
             Y = case.Y.copy()
             Y[60:66] = np.nan
@@ -152,7 +152,7 @@ def test_lost_outputs_widen_the_bars():
 def test_a_lost_output_is_one_of_boundless_noise():
     """The maps of the outputs that are left are those of the problem that was made for them."""
     case = linear(7)
-    est = ddmhe.DdMhe(case.history, weights="scaled")
+    est = ddmhe.DdMhe(case.history, weights="scaled", start="state")
     twin, n, p, M = Twin(case.history, est), case.history.n, case.history.p, est.horizon
     Y = case.Y.copy()
     t = M + 10
@@ -182,7 +182,7 @@ def test_a_lost_output_is_one_of_boundless_noise():
 
 def test_where_nothing_is_measured_the_bars_grow_to_the_spread_and_cover():
     history, Y, truth = tumbling()
-    log = ddmhe.DdMhe(history, weights="scaled").run(np.full_like(Y, np.nan))
+    log = ddmhe.DdMhe(history, weights="scaled", start="state").run(np.full_like(Y, np.nan))
     assert (np.abs(log.x - truth) < 3 * log.std).mean() > 0.97
     spread = history.recordings[0][0].std(axis=0)
     assert (log.std[10] < 0.1 * spread).all()
@@ -194,7 +194,7 @@ def test_where_nothing_is_measured_the_bars_grow_to_the_spread_and_cover():
 
 def test_the_demo_rises_its_flag_before_the_error_does():
     history, Y, truth = tumbling()
-    est = ddmhe.DdMhe(history)
+    est = ddmhe.DdMhe(history, start="state")
     log = est.run(Y)
     error = np.abs(log.x - truth)
     first = int(np.argmin(log.trusted))
@@ -213,7 +213,7 @@ def test_a_stuck_output_and_a_state_outside_are_told():
     Y = case.Y.copy()
     assert Y.shape[1] == 2
     Y[30:60, 1] = Y[30, 1]
-    est = ddmhe.DdMhe(case.history, weights="scaled")
+    est = ddmhe.DdMhe(case.history, weights="scaled", start="state")
     log = est.run(Y)
     stuck = log.evidence.stuck
     assert not stuck[:, 0].any()
@@ -222,7 +222,7 @@ def test_a_stuck_output_and_a_state_outside_are_told():
     assert not stuck[60:].any()
     assert ((log.reasons & ddmhe.Reason.STUCK != 0) == stuck.any(axis=1)).all()
     assert any("output 1" in w and "(step 40)" in w for w in est.warnings)
-    est = ddmhe.DdMhe(case.history, weights="scaled")
+    est = ddmhe.DdMhe(case.history, weights="scaled", start="state")
     log = est.run(3 * Y)
     x = case.history.recordings[0][0]
     more = 0.25 * np.ptp(x, axis=0)
@@ -257,8 +257,8 @@ def test_an_exact_recording_takes_the_noise_as_stated_or_from_the_run(stated):
 def test_drift_widens_what_outputs_do_not_show():
     case = linear(1)
     W = 0.01 * np.diag(case.history.recordings[0][0].var(axis=0))
-    est = ddmhe.DdMhe(case.history, weights="scaled")
-    drifting = ddmhe.DdMhe(case.history, weights="scaled", drift=W)
+    est = ddmhe.DdMhe(case.history, weights="scaled", start="state")
+    drifting = ddmhe.DdMhe(case.history, weights="scaled", drift=W, start="state")
     plain, wide = est.run(case.Y), drifting.run(case.Y)
     assert np.array_equal(plain.x, wide.x)
     grown = np.einsum("tii->ti", wide.covariance - plain.covariance)
@@ -268,9 +268,11 @@ def test_drift_widens_what_outputs_do_not_show():
 
 def test_active_bounds_raise_V_and_the_bars():
     case = linear(4)
-    free = ddmhe.DdMhe(case.history, weights="scaled").run(case.Y)
+    free = ddmhe.DdMhe(case.history, weights="scaled", start="state").run(case.Y)
     box = 0.3 * np.abs(case.history.recordings[0][0]).max(axis=0)
-    log = ddmhe.DdMhe(case.history, weights="scaled", x_bounds=(-box, box)).run(case.Y)
+    log = ddmhe.DdMhe(case.history, weights="scaled", x_bounds=(-box, box), start="state").run(
+        case.Y
+    )
     first = int(np.argmax(log.active > 0))
     assert (log.active > 0).any()
     assert log.evidence.value[first] > free.evidence.value[first]
@@ -290,14 +292,14 @@ def test_active_bounds_raise_V_and_the_bars():
 )
 def test_bad_settings_are_named(setting, value, expected):
     with pytest.raises(ddmhe.DdmheError, match=expected):
-        ddmhe.DdMhe(linear(0).history, **{setting: value})
+        ddmhe.DdMhe(linear(0).history, **{setting: value}, start="state")
 
 
 def test_what_only_evidence_uses_is_refused_without():
     history = linear(0).history
     for settings in ({"output_noise": 1.0}, {"drift": np.eye(history.n)}):
         with pytest.raises(ddmhe.DdmheError, match="none without evidence"):
-            ddmhe.DdMhe(history, evidence=False, **settings)
+            ddmhe.DdMhe(history, evidence=False, **settings, start="state")
 
 
 def test_what_a_recording_cannot_promise_is_told():

@@ -41,7 +41,7 @@ def several(seed):
 def test_the_twin_is_the_estimator(make, seed):
     """Estimates and minima, from a state and from an unknown one."""
     history, Y = make(seed)
-    est = ddmhe.DdMhe(history, weights="scaled")
+    est = ddmhe.DdMhe(history, weights="scaled", start="state")
     twin = Twin(history, est)
     last, log = history.recordings[-1][0][-1], est.run(Y)
     trace = twin.run(Y, last)
@@ -55,7 +55,7 @@ def test_the_twin_is_the_estimator(make, seed):
 def test_a_gate_that_rejects_nothing_changes_nothing():
     """Also not the covariance, computed step by step or at once."""
     history, Y = noisy(1)
-    twin = Twin(history, ddmhe.DdMhe(history, weights="scaled"))
+    twin = Twin(history, ddmhe.DdMhe(history, weights="scaled", start="state"))
     evidence, last = Evidence(twin), history.recordings[-1][0][-1]
     trace, run = twin.run(Y, last), Gated(evidence, gate=1e6).run(Y, last)
     np.testing.assert_allclose(np.array(run.x[1:]), trace.x, atol=1e-12)
@@ -65,7 +65,7 @@ def test_a_gate_that_rejects_nothing_changes_nothing():
 def test_a_rejected_output_is_one_that_was_not_measured():
     """By the core, which factors the problem anew."""
     history, Y = noisy(2)
-    est = ddmhe.DdMhe(history, weights="scaled")
+    est = ddmhe.DdMhe(history, weights="scaled", start="state")
     twin, last = Twin(history, est), history.recordings[-1][0][-1]
     spoilt = Y.copy()
     spoilt[40, 0] += 1e3 * history.recordings[0][1].std()
@@ -81,7 +81,7 @@ def test_a_rejected_output_is_one_that_was_not_measured():
 def test_the_filter_is_the_estimator(seed):
     """With the residual covariance for that of the disturbance."""
     history, Y = noisy(seed)
-    est = ddmhe.DdMhe(history, weights="recorded", process_noise="residual")
+    est = ddmhe.DdMhe(history, weights="recorded", process_noise="residual", start="state")
     noises, last = Noises.of_residuals(history), history.recordings[-1][0][-1]
     found = told(noises, history.recordings, est.horizon, Y, last)
     np.testing.assert_allclose(found.x, est.run(Y).x, rtol=1e-7, atol=1e-7)

@@ -34,7 +34,7 @@ def expected():
     r = read({n: np.array(c, float) for n, c in zip(HEAD, zip(*ROWS, strict=True), strict=True)},
              state=["w1", "w2"], output=["q1"], history=HISTORY)  # fmt: skip
     y = np.array([float(row[3]) for row in ROWS])[:, None]
-    return ddmhe.DdMhe(r.history, start="recording").run(y[T:])
+    return ddmhe.DdMhe(r.history).run(y[T:])
 
 
 @pytest.mark.parametrize("name", ["plain", "decimal-comma", "json-lines", "epoch-ns", "no-time"])
@@ -78,7 +78,7 @@ def test_bad_lines_are_told_and_left_out_and_lost_ones_stepped_over():
     y[[170, 180, 190, 200, 201, 202]] = np.nan
     r = read(dict(zip(HEAD, np.array(ROWS, float).T, strict=True)), state=["w1", "w2"],
              output=["q1"], history=HISTORY)  # fmt: skip
-    run = ddmhe.DdMhe(r.history, start="recording").run(y[T:, None])
+    run = ddmhe.DdMhe(r.history).run(y[T:, None])
     np.testing.assert_array_equal(rows[["w1", "w2"]].to_numpy(), run.x)
     lost = np.isin(np.arange(T, N), [180, 190, 200, 201, 202])
     np.testing.assert_array_equal(rows["measured"], ~lost)

@@ -83,7 +83,7 @@ def test_a_spike_at_the_start_does_not_lock_the_others_out():
     h, outputs, limit, deviation = case(0)
     spiked = outputs.copy()
     spiked[0] += 50 * deviation
-    settings = dict(space=ddmhe.Truncated(), v_bounds=(-0.25, 0.25))
+    settings = dict(space=ddmhe.Truncated(), v_bounds=(-0.25, 0.25), start="state")
     clean, found = steps(h, outputs, **settings), steps(h, spiked, **settings)
     assert [k for k, e in enumerate(found) if e.status != "optimal"] == [1, 2, 3, 4]
     assert all(

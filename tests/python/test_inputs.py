@@ -163,7 +163,7 @@ CASES = {
         ["x_bounds", "lo <= hi"],
     ),
     "step bounds of another depth": (
-        lambda: DdMhe(H, 5).step([0, 0], x_bounds=(np.zeros((5, 3)), 1)),
+        lambda: DdMhe(H, 5, start="state").step([0, 0], x_bounds=(np.zeros((5, 3)), 1)),
         ShapeError,
         ["x_bounds", "(2, 3)", "(5, 3)"],
     ),
@@ -265,14 +265,16 @@ def test_outputs_that_are_masked_none_or_na_are_not_measured(kind):
     blank = Y.copy()
     blank[holes] = np.nan
     given = _hollow(Y, holes)[kind]
-    expected = DdMhe(H, 5).run(blank).x
-    np.testing.assert_array_equal(DdMhe(H, 5).run(given).x, expected)
+    expected = DdMhe(H, 5, start="state").run(blank).x
+    np.testing.assert_array_equal(DdMhe(H, 5, start="state").run(given).x, expected)
     rows = given.to_numpy() if isinstance(given, pd.DataFrame) else given
-    estimator = DdMhe(H, 5)
+    estimator = DdMhe(H, 5, start="state")
     np.testing.assert_array_equal([estimator.step(row).x for row in rows], expected)
-    np.testing.assert_array_equal(ddmhe.run_many([DdMhe(H, 5)], [given])[0].x, expected)
+    np.testing.assert_array_equal(
+        ddmhe.run_many([DdMhe(H, 5, start="state")], [given])[0].x, expected
+    )
     column = given.iloc[3] if isinstance(given, pd.DataFrame) else rows[3]
-    assert np.isnan(DdMhe(H, 5).step(column).v[0, 1])
+    assert np.isnan(DdMhe(H, 5, start="state").step(column).v[0, 1])
 
 
 def test_a_missing_scalar_is_no_measurement_either():

@@ -142,7 +142,10 @@ def test_a_misspelt_attribute_of_a_certificate_is_refused():
             {"weights": "own"},
             'weights: expected "auto", "paper", "scaled" or "recorded", found "own"',
         ),
-        ({"start": "end"}, 'start: expected "recording", "state" or "unknown", found "end"'),
+        (
+            {"start": "end"},
+            'start: expected "auto", "recording", "state" or "unknown", found "end"',
+        ),
     ],
 )
 def test_a_wrong_value_is_one_error_with_or_without_a_recording(setting, message):

@@ -72,7 +72,7 @@ def test_an_estimate_is_the_penalised_minimiser(box, price, v_bounds):
     x, y, truth, outputs = recorded(rng)
     x_bounds = BOXES[box](truth)
     settings = dict(x_bounds=x_bounds, v_bounds=v_bounds, soft=price, space=ddmhe.Truncated(N))
-    estimator = ddmhe.DdMhe(ddmhe.History(x, y, **UNITS), M, RHO, MU, **settings)
+    estimator = ddmhe.DdMhe(ddmhe.History(x, y, **UNITS), M, RHO, MU, **settings, start="state")
     problem = printed(x, y, (price, price))
     left, active = compared(estimator, problem, x, outputs, x_bounds, v_bounds)
     assert active > len(outputs) / 3
@@ -85,7 +85,7 @@ def test_a_ridge_on_a_noisy_recording(seed):
     x, y, truth, outputs = recorded(rng, noise=10.0 ** -rng.uniform(1, 4))
     x_bounds, weight, price = BOXES["half"](truth), 10.0 ** -rng.uniform(0, 4), 3.0 ** (2 - seed)
     settings = dict(x_bounds=x_bounds, v_bounds=(-0.1, 0.1), space=ddmhe.Ridge(weight), soft=price)
-    estimator = ddmhe.DdMhe(ddmhe.History(x, y, **UNITS), M, RHO, MU, **settings)
+    estimator = ddmhe.DdMhe(ddmhe.History(x, y, **UNITS), M, RHO, MU, **settings, start="state")
     problem = printed(x, y, (price, price), weight)
     _, active = compared(estimator, problem, x, outputs, x_bounds, (-0.1, 0.1))
     assert active > len(outputs) / 3
@@ -99,7 +99,14 @@ def test_a_bound_that_is_not_named_stays_hard(name):
     boxes = {"x": (tight, (-9.0, 9.0)), "v": (wide, (-0.1, 0.1))}[name]
     settings = dict(soft={name: 0.5}, space=ddmhe.Truncated(N))
     estimator = ddmhe.DdMhe(
-        ddmhe.History(x, y, **UNITS), M, RHO, MU, x_bounds=boxes[0], v_bounds=boxes[1], **settings
+        ddmhe.History(x, y, **UNITS),
+        M,
+        RHO,
+        MU,
+        x_bounds=boxes[0],
+        v_bounds=boxes[1],
+        **settings,
+        start="state",
     )
     prices = (0.5, None) if name == "x" else (None, 0.5)
     left, active = compared(estimator, printed(x, y, prices), x, outputs, *boxes)
@@ -114,6 +121,7 @@ def test_a_bound_that_is_not_named_stays_hard(name):
         v_bounds=(50.0, 51.0) if hard == "v" else other[1],
         space=ddmhe.Truncated(N),
         soft={name: 0.5},
+        start="state",
     )
     log = failing.run(outputs)
     assert (log.status == "infeasible").any()
@@ -144,6 +152,7 @@ def test_scaled_weights_and_units():
             v_bounds=(-0.1 * s_y, 0.1 * s_y),
             soft=0.3,
             space=ddmhe.Truncated(N),
+            start="state",
         )
 
     left, _ = compared(made(1.0, 1.0), problem, x, outputs, (lo, hi), (-0.1, 0.1))
@@ -160,7 +169,9 @@ def test_at_a_large_price_it_is_the_estimate_of_hard_bounds(seed):
     x, y, truth, outputs = recorded(rng, 60)
     bounds = dict(x_bounds=(0.8 * truth.min(0), 0.8 * truth.max(0)), space=ddmhe.Truncated(N))
     hard, soft, cheap = (
-        ddmhe.DdMhe(ddmhe.History(x, y), M, RHO, MU, **bounds, soft=price).run(outputs)
+        ddmhe.DdMhe(ddmhe.History(x, y), M, RHO, MU, **bounds, soft=price, start="state").run(
+            outputs
+        )
         for price in (None, 1e6, 1e-3)
     )
     assert (hard.status == "optimal").all()
@@ -179,9 +190,9 @@ def test_bounds_about_the_centre_and_of_a_step():
     settings = dict(space=ddmhe.Truncated(N), soft=0.5)
     free, width = np.full(N, np.inf), 0.02 * x.std(0)
     centred = ddmhe.DdMhe(
-        history, M, RHO, MU, x_bounds=(-width, width), x_center="history", **settings
+        history, M, RHO, MU, x_bounds=(-width, width), x_center="history", **settings, start="state"
     )
-    stepped = ddmhe.DdMhe(history, M, RHO, MU, x_bounds=(-free, free), **settings)
+    stepped = ddmhe.DdMhe(history, M, RHO, MU, x_bounds=(-free, free), **settings, start="state")
     pasts = [x[-1]], [x[-1]]
     for k in range(len(outputs)):
         m = min(k + 1, M)
@@ -220,7 +231,7 @@ def test_known_inputs_move_what_the_bounds_are_on():
     box = 0.5 * x.min(0), 0.5 * x.max(0)
     history = ddmhe.History(x, y, 1.0, u[:120], **UNITS)
     settings = dict(x_bounds=box, soft=0.4, space=ddmhe.Truncated(N))
-    estimator = ddmhe.DdMhe(history, M, RHO, MU, **settings)
+    estimator = ddmhe.DdMhe(history, M, RHO, MU, **settings, start="state")
     problem = replace(
         printed(x, y, (0.4, None)),
         deviations=(x.std(0), y.std(0)),
@@ -248,8 +259,10 @@ def test_no_output_is_left_out_for_a_bound_that_may_be_left():
     outputs = np.nan_to_num(outputs, nan=0.0)
     outputs[15] += 500.0
     settings = dict(v_bounds=(-5.0, 5.0), space=ddmhe.Truncated(N))
-    hard = ddmhe.DdMhe(ddmhe.History(x, y, **UNITS), M, RHO, MU, **settings)
-    soft = ddmhe.DdMhe(ddmhe.History(x, y, **UNITS), M, RHO, MU, soft=1.0, **settings)
+    hard = ddmhe.DdMhe(ddmhe.History(x, y, **UNITS), M, RHO, MU, **settings, start="state")
+    soft = ddmhe.DdMhe(
+        ddmhe.History(x, y, **UNITS), M, RHO, MU, soft=1.0, **settings, start="state"
+    )
     hard.run(outputs[:15]), soft.run(outputs[:15])
     refused, kept = hard.step(outputs[15]), soft.step(outputs[15])
     assert refused.status == "infeasible"
@@ -295,6 +308,7 @@ def test_an_error_bound_holds_beside_a_box_that_is_wrong(seed):
         disturbance=(0.1 * np.sqrt(N), 0.0, 0.01 * np.sqrt(P)),
         x_bounds=(0.3 * truth.min(0), 0.3 * truth.max(0)),
         soft=0.1,
+        start="state",
     )
     log = estimator.run(outputs)
     assert (log.status == "optimal").all()
@@ -315,7 +329,13 @@ def test_hostile_data_leave_a_soft_window_feasible(seed):
     space = ("auto", ddmhe.Truncated(N), ddmhe.Ridge(1e-3), ddmhe.Exact())[rng.integers(4)]
     price = {"x": 10.0 ** rng.uniform(-6, 6), "v": 10.0 ** rng.uniform(-6, 6)}
     estimator = ddmhe.DdMhe(
-        ddmhe.History(x, y), M, x_bounds=box, v_bounds=(-0.1, 0.1), soft=price, space=space
+        ddmhe.History(x, y),
+        M,
+        x_bounds=box,
+        v_bounds=(-0.1, 0.1),
+        soft=price,
+        space=space,
+        start="state",
     )
     log = estimator.run(outputs)
     assert np.isfinite(log.x).all()
@@ -345,11 +365,11 @@ def test_hostile_data_leave_a_soft_window_feasible(seed):
 def test_a_price_that_is_none_is_one_error(soft, message):
     history = ddmhe.History(*recorded(np.random.default_rng(0))[:2])
     with pytest.raises(ddmhe.DdmheError, match=message):
-        ddmhe.DdMhe(history, M, x_bounds=(-1.0, 1.0), soft=soft)
+        ddmhe.DdMhe(history, M, x_bounds=(-1.0, 1.0), soft=soft, start="state")
     with pytest.raises(ddmhe.DdmheError, match="soft: expected bounds beside it"):
-        ddmhe.DdMhe(history, M, soft=1.0)
+        ddmhe.DdMhe(history, M, soft=1.0, start="state")
     with pytest.raises(ddmhe.DdmheError, match="x_bounds: expected lo <= hi"):
-        ddmhe.DdMhe(history, M, x_bounds=(1.0, -1.0), soft=1.0)
+        ddmhe.DdMhe(history, M, x_bounds=(1.0, -1.0), soft=1.0, start="state")
 
 
 def test_a_file_and_validation_know_prices(tmp_path):

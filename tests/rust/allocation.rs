@@ -1,7 +1,9 @@
 //! Steps allocate nothing after construction, on every path but the interior-point solver's.
 
 use crate::systems::{modes, noise, unit_certificate};
-use ddmhe_core::{Bounds, Center, Config, DdMhe, Disturbance, History, Soft, Space, Step};
+use ddmhe_core::{
+    Bounds, Center, Config, DdMhe, Disturbance, Gate, History, Soft, Space, Start, Step,
+};
 
 /// What 340 steps allocate from the first on, and in how many of them bounds were active.
 fn allocations(config: Config, lost: impl Fn(usize) -> bool) -> (u64, usize) {
@@ -23,7 +25,8 @@ fn allocations(config: Config, lost: impl Fn(usize) -> bool) -> (u64, usize) {
 
 fn config() -> Config {
     let space = Space::Truncated { rank: Some(4), tol: None };
-    Config { horizon: Some(20), rho: Some(0.95), mu: Some(0.1), space, ..Config::default() }
+    let start = Start::State;
+    Config { horizon: Some(20), rho: Some(0.95), mu: Some(0.1), space, start, ..Config::default() }
 }
 
 fn within(size: f64, width: usize) -> Option<Bounds> {
@@ -58,6 +61,10 @@ fn no_path_of_a_step_allocates() {
         let (count, bound) = allocations(soft, |k| k % 17 == 0);
         assert!(count == 0 && bound > 50, "{count} {bound}");
     }
+    // outputs that are rejected, and a run that starts again
+    let doubting = Config { gate: Gate::At(2.0), output_noise: Some(vec![3e-3]), ..config() };
+    assert_eq!(allocations(doubting.clone(), |k| k % 17 == 0), (0, 0));
+    assert_eq!(allocations(Config { start: Start::Recording, ..doubting }, none), (0, 0));
     // no window inside of the box
     assert_eq!(allocations(Config { x_bounds: within(1e-3, 4), ..config() }, none).0, 0);
 }

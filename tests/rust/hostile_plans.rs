@@ -6,7 +6,7 @@ use crate::systems::modes;
 use ddmhe_core::{Config, DdMhe, Start};
 use ddmhe_run::evidence::Rule;
 use ddmhe_run::memory::memory_len;
-use ddmhe_run::plan::{Common, Depth, Kind, Sizes};
+use ddmhe_run::plan::{Begin, Common, Depth, Kind, Sizes};
 use ddmhe_run::{PlanError, Prices, Stepper};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -117,7 +117,7 @@ fn a_run_that_would_lack_a_block_is_refused() {
     assert_eq!(refused(&sealed(with(&full, 8, 1.0))), PlanError::Sizes);
     // more directions than any block has, and flags that nobody knows
     assert_eq!(refused(&sealed(with(&grown, 7, found(7) + 1.0))), PlanError::Sizes);
-    assert_eq!(refused(&sealed(with(&grown, 11, found(11) + 512.0))), PlanError::Sizes);
+    assert_eq!(refused(&sealed(with(&grown, 11, found(11) + 4096.0))), PlanError::Sizes);
 }
 
 /// No length of a plan, nor the room for a step, exceeds 32 bits where the sizes are called
@@ -149,6 +149,9 @@ fn lengths_can_be_counted_in_32_bits() {
                 (true, false) => Rule::Curved,
             },
             drifts: flag(8),
+            gate: if flag(8) { 4.0 } else { 0.0 },
+            stuck_missing: flag(8),
+            start: Begin::Unknown,
         }
     };
     assert!(sizes([20, 20, 5, 100, 40], 127).countable(largest));

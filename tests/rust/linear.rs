@@ -1,7 +1,7 @@
 //! Linear systems: recovery, bounds, growing window.
 
 use crate::systems::{modes, noise};
-use ddmhe_core::{Bounds, Config, DdMhe, Space, Status, Step};
+use ddmhe_core::{Bounds, Config, DdMhe, Space, Start, Status, Step};
 
 fn config(horizon: usize) -> Config {
     Config {
@@ -44,7 +44,8 @@ fn bounds_hold_and_the_active_set_changes_only_when_they_bind() {
     let (_, mut outputs) = system.simulate(&noise(2, n, 2.0), 40);
     outputs.iter_mut().zip(noise(3, 40 * p, 0.2)).for_each(|(y, v)| *y += v);
     let v_bounds = Some(Bounds { lo: vec![-0.2; p], hi: vec![0.2; p] });
-    let mut boxed = DdMhe::new(&history, Config { v_bounds, ..config(10) }).unwrap();
+    let mut boxed =
+        DdMhe::new(&history, Config { v_bounds, start: Start::State, ..config(10) }).unwrap();
     let (mut bound, mut before) = (0, 0);
     for y in outputs.chunks(p) {
         let e = boxed.step(y).unwrap();

@@ -2,7 +2,8 @@
 
 use crate::systems::{modes, noise, unit_certificate};
 use ddmhe_core::{
-    Bounds, Center, Certificate, Config, DdMhe, Disturbance, History, Soft, Start, Status,
+    Bounds, Center, Certificate, Config, DdMhe, Disturbance, Gate, History, ProcessNoise, Soft,
+    Start, Status, Stuck, Weighting,
 };
 use ddmhe_run::{Plan, PlanError, Stepper};
 
@@ -104,6 +105,11 @@ fn certified() -> Config {
     Config { rho: None, mu: None, certificate: Some(certificate), ..plain() }
 }
 
+/// With outputs that are rejected, or not measured where they are stuck.
+fn doubting(config: Config) -> Config {
+    Config { gate: Gate::At(4.0), stuck: Stuck::Missing, ..config }
+}
+
 /// Every kind of problem, from every start.
 pub fn configs() -> Vec<Config> {
     let bounded = Config { x_bounds: within(2.0, 4), v_bounds: within(0.1, 3), ..plain() };
@@ -121,8 +127,12 @@ pub fn configs() -> Vec<Config> {
         soft(Soft::all(3.0)),
         soft(Soft { v: Some(100.0), ..Soft::default() }),
         Config { x_center: Center::History, ..soft(Soft::all(0.1)) },
+        // outputs that are doubted
+        doubting(plain()),
+        doubting(Config::default()),
+        doubting(bounded.clone()),
     ];
-    let starts = [Start::State, Start::Recording, Start::Unknown];
+    let starts = [Start::Auto, Start::State, Start::Recording, Start::Unknown];
     let all = problems.into_iter().flat_map(|problem| {
         starts.into_iter().map(move |start| Config { start, ..problem.clone() })
     });
@@ -159,6 +169,42 @@ fn a_plan_steps_as_its_estimator_does() {
         }
     }
     assert!(touched > 100 && infeasible > 100, "{touched} {infeasible}");
+}
+
+/// Spikes, a jump and a stuck output; and where the log begins is found out.
+#[test]
+fn a_plan_doubts_as_its_estimator_does() {
+    let (history, mut outputs) = recorded();
+    let jump = noise(3, 3, 40.0);
+    (0..270).step_by(47).for_each(|k| outputs[k] += 30.0);
+    (180..270).for_each(|k| outputs[k] += jump[k % 3]);
+    (93..150).filter(|k| k % 3 == 0).for_each(|k| outputs[k] = 0.25);
+    let diagonal = |k: usize| if k.is_multiple_of(5) { 1e-4 } else { 0.0 };
+    let process_noise = ProcessNoise::Given((0..16).map(diagonal).collect());
+    let recorded = Config { weights: Weighting::Recorded, process_noise, ..Config::default() };
+    let starts = [Start::Auto, Start::State, Start::Recording, Start::Unknown];
+    let (mut gated, mut restarted, mut elsewhere) = (0, 0, 0);
+    for config in [doubting(plain()), doubting(Config::default()), doubting(recorded)] {
+        for start in starts {
+            let mut mhe = DdMhe::new(&history, Config { start, ..config.clone() }).unwrap();
+            let flash = Flash::new(&mhe.plan().unwrap());
+            let plan = flash.read().unwrap();
+            assert_eq!(plan.finds_start(), start == Start::Auto);
+            let mut memory = vec![f64::NAN; Stepper::room(&plan)];
+            let mut stepper = Stepper::new(&plan, &mut memory).unwrap();
+            for (k, y) in outputs.chunks_exact(3).enumerate() {
+                let found = stepper.step(y).unwrap();
+                let found = (bits(found.x), bits(found.evidence.unwrap().covariance));
+                let expected = mhe.step(y).unwrap();
+                let own = expected.evidence.as_ref().unwrap();
+                assert_eq!(found, (bits(&expected.x), bits(&own.covariance)), "{k} {start}");
+                gated += own.gated.iter().filter(|gated| **gated).count();
+                restarted += usize::from(own.restarted);
+            }
+            elsewhere += usize::from(start == Start::Auto && mhe.start() == Start::Unknown);
+        }
+    }
+    assert!(gated > 20 && restarted > 3 && elsewhere > 0, "{gated} {restarted} {elsewhere}");
 }
 
 #[test]
@@ -224,7 +270,7 @@ fn a_reset_run_is_a_new_one() {
 #[test]
 fn a_plan_starts_where_a_new_run_does() {
     let (history, _) = recorded();
-    let starts = [Start::State, Start::Recording, Start::Unknown];
+    let starts = [Start::Auto, Start::State, Start::Recording, Start::Unknown];
     for start in starts {
         let mut mhe = DdMhe::new(&history, Config { start, ..plain() }).unwrap();
         let outputs = noise(6, 120, 1.0);
@@ -266,7 +312,8 @@ fn an_error_bound_has_no_plan() {
 /// A small plan with bounds.
 pub fn small() -> Vec<u8> {
     let history = modes(1).record(&[1.0, 0.5], 24);
-    let config = Config { horizon: Some(3), x_bounds: within(0.3, 2), ..Config::default() };
+    let start = Start::State;
+    let config = Config { horizon: Some(3), x_bounds: within(0.3, 2), start, ..Config::default() };
     DdMhe::new(&history, config).unwrap().plan().unwrap()
 }
 

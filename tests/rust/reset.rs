@@ -2,7 +2,9 @@
 //! on as the original does.
 
 use crate::systems::{modes, noise, unit_certificate};
-use ddmhe_core::{Bounds, Center, Config, DdMhe, Disturbance, History, Soft, Space, Start, Step};
+use ddmhe_core::{
+    Bounds, Center, Config, DdMhe, Disturbance, Gate, History, Soft, Space, Start, Step, Stuck,
+};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
@@ -41,8 +43,15 @@ fn configs() -> Vec<Config> {
             certificate: Some(certificate),
             disturbance,
             v_bounds: within(0.1, 3),
-            ..plain
+            ..plain.clone()
         },
+        Config {
+            gate: Gate::At(3.0),
+            stuck: Stuck::Missing,
+            start: Start::Recording,
+            ..plain.clone()
+        },
+        Config { gate: Gate::At(3.0), start: Start::Auto, ..plain },
     ]
 }
 
@@ -58,8 +67,8 @@ fn use_it(mhe: &mut DdMhe, y: &[f64], rng: &mut ChaCha8Rng) {
         4 => y[channel] = f64::INFINITY, // an error
         5 => mhe.reset(Some(&noise(rng.random_range(0..99), 4, 3.0))).unwrap(),
         9 => {
-            let starts = [Start::State, Start::Recording, Start::Unknown];
-            let start = starts[rng.random_range(0..3)];
+            let starts = [Start::State, Start::Recording, Start::Unknown, Start::Auto];
+            let start = starts[rng.random_range(0..4)];
             assert_eq!(
                 mhe.reset_from(start, None).is_ok(),
                 start != Start::Unknown || mhe.config().disturbance.is_none()

@@ -41,7 +41,7 @@ fn fold(history: History, x: &[f64], y: &[f64]) -> Fold {
 
 /// The score of an estimator, by its own run.
 fn by_run(fold: &Fold, config: &Config) -> Score {
-    let x_prior = (config.start == Start::State).then(|| fold.x_prior.clone());
+    let x_prior = matches!(config.start, Start::State | Start::Auto).then(|| fold.x_prior.clone());
     let config = Config { x_prior, ..config.clone() };
     let mut mhe = DdMhe::new(&fold.history, config).unwrap();
     let spectral_radius = mhe.spectral_radius();

@@ -65,9 +65,14 @@ pub enum ProcessNoise {
 /// Where a run starts.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub enum Start {
+    /// [`Recording`](Start::Recording) as long as the first M windows are like those of a run that
+    /// goes on from the recording's end; else [`Unknown`](Start::Unknown), from the run's first
+    /// output on. That takes evidence. [`State`](Start::State) beside `x_prior` or a disturbance,
+    /// and without evidence.
+    #[default]
+    Auto,
     /// From a known state, `x_prior` or the last recorded one, with the weight that (17) gives
     /// every prior; the window grows from 1 to M (Algorithm 1).
-    #[default]
     State,
     /// Where the recording ends: the run goes on from there, with a window filled from its end.
     Recording,
@@ -89,11 +94,39 @@ impl std::fmt::Display for Weighting {
 impl std::fmt::Display for Start {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.write_str(match self {
+            Start::Auto => "\"auto\"",
             Start::State => "\"state\"",
             Start::Recording => "\"recording\"",
             Start::Unknown => "\"unknown\"",
         })
     }
+}
+
+/// From how many deviations on an output is rejected: see [`ddmhe_run::gating`].
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+pub enum Gate {
+    /// None is.
+    #[default]
+    None,
+    /// [`AUTO`](Gate::AUTO); none where an exact recording shows no noise and none is stated.
+    Auto,
+    /// From so many, more than 1.
+    At(f64),
+}
+
+impl Gate {
+    /// Deviations of [`Gate::Auto`], chosen by measuring: docs/evidence.md.
+    pub const AUTO: f64 = 4.0;
+}
+
+/// What becomes of an output that repeats one value longer than it ever did in the recording.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+pub enum Stuck {
+    /// It is told.
+    #[default]
+    Tell,
+    /// It counts as not measured, with its repetitions.
+    Missing,
 }
 
 /// A known rest of the system, in the user's units.
@@ -164,6 +197,10 @@ pub struct Config {
     pub drift: Option<Vec<f64>>,
     /// Whether estimates carry evidence: a covariance, and reasons not to trust them.
     pub evidence: bool,
+    /// From how many deviations on an output is rejected.
+    pub gate: Gate,
+    /// What becomes of an output that is stuck.
+    pub stuck: Stuck,
 }
 
 impl Default for Config {
@@ -188,11 +225,25 @@ impl Default for Config {
             output_noise: None,
             drift: None,
             evidence: true,
+            gate: Gate::default(),
+            stuck: Stuck::default(),
         }
     }
 }
 
 impl Config {
+    /// Where a run starts, with what decides it beforehand: a prior, or what an automatic start
+    /// needs and has not.
+    pub(crate) fn resolved(&self, start: Start, prior: bool) -> Start {
+        let known = prior || !self.evidence || self.disturbance.is_some();
+        if start == Start::Auto && known { Start::State } else { start }
+    }
+
+    /// Where a new run starts.
+    pub(crate) fn begins(&self) -> Start {
+        self.resolved(self.start, self.x_prior.is_some())
+    }
+
     /// The disturbance that is fitted, with `Auto` decided.
     pub(crate) fn disturbance_to_fit(&self) -> &ProcessNoise {
         match &self.process_noise {

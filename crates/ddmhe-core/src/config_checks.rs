@@ -1,7 +1,9 @@
 //! The checks of every setting alone, and of samples.
 
 use crate::check::check_vector;
-use crate::config::{Bounds, Center, Config, Equilibrium, ProcessNoise, Start, Weighting};
+use crate::config::{
+    Bounds, Center, Config, Equilibrium, Gate, ProcessNoise, Start, Stuck, Weighting,
+};
 use crate::covariance::check_covariance;
 use crate::error::Error;
 use crate::history::History;
@@ -91,9 +93,30 @@ fn check_evidence(config: &Config, n: usize, p: usize) -> Result<(), Error> {
         }
         (config.evidence).then_some(()).ok_or_else(|| unused("output_noise"))?;
     }
+    if config.gate != Gate::None {
+        (config.evidence).then_some(()).ok_or_else(|| unused("gate"))?;
+    }
+    if config.stuck != Stuck::Tell {
+        (config.evidence).then_some(()).ok_or_else(|| unused("stuck"))?;
+    }
+    check_gate(config)?;
     if let Some(drift) = &config.drift {
         check_covariance("drift", drift, n)?;
         (config.evidence).then_some(()).ok_or_else(|| unused("drift"))?;
+    }
+    Ok(())
+}
+
+/// From how many deviations on outputs are rejected.
+fn check_gate(config: &Config) -> Result<(), Error> {
+    if let Gate::At(k) = config.gate
+        && !(k > 1.0 && k.is_finite())
+    {
+        return Err(Error::value("gate", "a number of deviations above 1", k));
+    }
+    if config.gate != Gate::None && config.disturbance.is_some() {
+        let expected = "none beside disturbance, whose error bound ends where a run starts again";
+        return Err(Error::value("gate", expected, "some"));
     }
     Ok(())
 }
@@ -183,7 +206,7 @@ fn check_space(space: Space) -> Result<(), Error> {
 /// A state to start from belongs to one start alone.
 pub(crate) fn check_start(start: Start) -> Result<(), Error> {
     match start {
-        Start::State => Ok(()),
+        Start::State | Start::Auto => Ok(()),
         other => Err(Error::value(
             "start",
             "\"state\" beside x_prior, which is the state it starts from",

@@ -2,7 +2,7 @@
 
 use crate::challenge::challenge;
 use crate::choices::{guarded, leaves_all_open, prepared, select, spectral_radius};
-use crate::config::{Bounds, Center, Config, Equilibrium, Settings, Start, Weighting};
+use crate::config::{Bounds, Center, Config, Equilibrium, Settings, Stuck, Weighting};
 use crate::defaults::Defaults;
 use crate::depths::{depths, places};
 use crate::driving::Driving;
@@ -15,6 +15,7 @@ use crate::first_window::{filled, first_window};
 use crate::history::History;
 use crate::inputs::InputWatch;
 use crate::magnitude::{check_ridge, check_weights};
+use crate::needs::{Needs, gate};
 use crate::plan_builder::{Draft, Ground, Prepared};
 use crate::process_noise::driving;
 use crate::recorded_default;
@@ -59,16 +60,16 @@ pub(crate) struct Design {
 }
 
 impl Design {
-    /// As [`DdMhe::new`](crate::DdMhe::new), with the problems that runs from this start need.
-    pub fn new(history: &History, config: &Config, start: Start) -> Result<Self, Error> {
-        Design::by(history, config, start, prepared(history, config)?)
+    /// As [`DdMhe::new`](crate::DdMhe::new), with the problems that these runs need.
+    pub fn new(history: &History, config: &Config, needs: Needs) -> Result<Self, Error> {
+        Design::by(history, config, needs, prepared(history, config)?)
     }
 
     /// With these scales and this rule for what the configuration leaves open.
     fn by(
         history: &History,
         config: &Config,
-        start: Start,
+        needs: Needs,
         (scaling, rule): (Scaling, Defaults),
     ) -> Result<Self, Error> {
         if leaves_all_open(config) && recorded_default::leaves_open(config) {
@@ -78,24 +79,24 @@ impl Design {
                         one-step residuals: white, straight and of the size that they predict";
                     let config = Config { weights: Weighting::Recorded, ..config.clone() };
                     let driving = Some(driving);
-                    Design::with(history, &config, start, (scaling, rule), (driving, why.into()))
+                    Design::with(history, &config, needs, (scaling, rule), (driving, why.into()))
                 }
                 Err(why) => {
                     let why = format!("not the weights of the recording: {why}");
-                    Design::with(history, config, start, (scaling, rule), (None, why))
+                    Design::with(history, config, needs, (scaling, rule), (None, why))
                 }
             };
         }
         let horizon = rule.horizon_for(config)?;
         let driving = driving(history, &scaling, config, horizon)?;
-        Design::with(history, config, start, (scaling, rule), (driving, "as stated".into()))
+        Design::with(history, config, needs, (scaling, rule), (driving, "as stated".into()))
     }
 
     /// With this disturbance; and why the weights are what they are.
     fn with(
         history: &History,
         config: &Config,
-        start: Start,
+        needs: Needs,
         (scaling, rule): (Scaling, Defaults),
         (driving, why): (Option<Driving>, String),
     ) -> Result<Self, Error> {
@@ -124,9 +125,9 @@ impl Design {
         let deepest = source.deepest(&rule, horizon)?;
         let open = leaves_all_open(config) && rest.is_none() && driving.is_none();
         if open && let Some(other) = challenge(history, scales, &rule, deepest.space.lambda) {
-            return Design::with(history, config, start, other, (None, why));
+            return Design::with(history, config, needs, other, (None, why));
         }
-        source.design(start, &rule, deepest, why)
+        source.design(needs, &rule, deepest, why)
     }
 
     /// Makes the problems of the growing windows of a run from an unknown state, unless they are
@@ -148,6 +149,21 @@ impl Design {
         let problems = Draft::all_on(drafts, &self.ground);
         let _ = self.opening.set(Opening { problems, weights }); // a copy may have been faster
         Ok(())
+    }
+
+    /// Whether everything that these runs need is there.
+    pub fn serves(&self, needs: Needs) -> bool {
+        let all = !needs.opens || self.reaches(1) && self.opening.get().is_some();
+        all && self.ground.sizes().start == needs.begin()
+            && self.ground.sizes().filled
+                == filled(&self.history, needs.start, self.settings.horizon)
+    }
+
+    /// What it takes in flight, as bytes.
+    pub fn plan(&self, needs: Needs) -> Vec<u8> {
+        let opening = self.opening.get().filter(|_| needs.opens && self.ground.sizes().opens());
+        let opening = opening.map_or(&[][..], |opening| &opening.problems);
+        self.ground.bytes(&self.problems, opening)
     }
 
     fn setup(&self) -> Setup<'_> {
@@ -299,11 +315,12 @@ impl Source<'_> {
     /// What all depths share, where a window begins that holds so many outputs.
     fn ground(
         &self,
-        (start, filled): (Start, usize),
+        needs: Needs,
         (horizon, rank): (usize, usize),
-        evidence: Option<&Calibration>,
+        (evidence, gate): (Option<&Calibration>, f64),
     ) -> Arc<Ground> {
         let Source { history, config, scaling, weights, driving, .. } = self;
+        let filled = filled(history, needs.start, horizon);
         let sizes = Sizes {
             n: history.n(),
             p: history.p(),
@@ -322,19 +339,23 @@ impl Source<'_> {
             centered: config.x_center == Center::History,
             plain_noise: config.certificate.is_none(),
             prices: config.soft.unwrap_or_default().prices(driving.is_some()),
+            gate,
+            stuck_missing: config.stuck == Stuck::Missing,
+            start: needs.begin(),
         };
         let boxes = [&config.x_bounds, &config.v_bounds, &config.w_bounds].map(Option::as_ref);
         let x_prior = config.x_prior.as_deref();
-        let first = first_window((history, scaling), start, filled, x_prior);
+        let first = first_window((history, scaling), needs.start, filled, x_prior);
         let scales = (*scaling, self.response);
-        let own = evidence.map(|own| own.of_plan(history, config, (scaling, *driving)));
+        let own =
+            evidence.map(|own| own.states.of_plan(own.rule, history, config, (scaling, *driving)));
         Arc::new(Ground::new(sizes, scales, (weights, *driving), boxes, (&first, own)))
     }
 
     /// With the problems of the shorter windows too.
     fn design(
         self,
-        start: Start,
+        needs: Needs,
         rule: &Defaults,
         deepest: Deepest,
         why: String,
@@ -342,27 +363,27 @@ impl Source<'_> {
         let Source { history, config, .. } = self;
         let Deepest { space, draft, selection, radius } = deepest;
         let horizon = space.depth;
-        let filled = filled(history, start, horizon);
-        let shorter = &depths(config, horizon, filled)[1..];
+        let shorter = &depths(config, horizon, needs.filled(history, horizon))[1..];
         let (mut spaces, mut drafts) = (Vec::new(), Vec::new());
         // the largest first: the next ones find room where its temporary matrices were
         for depth in shorter {
             let (space, draft) = self.draft(*depth, &selection)?;
             drafts.push(draft);
-            spaces.extend((start == Start::Unknown).then_some(space));
+            spaces.extend(needs.opens.then_some(space));
         }
         drafts.reverse();
         spaces.reverse();
         drafts.push(draft);
         let (count, rank) = (drafts.len(), drafts.iter().map(Draft::rank).max().unwrap_or(0));
-        let opening = match start {
-            Start::Unknown => Some(self.opening(spaces.iter().chain([&space]), &mut drafts)?),
-            _ => None,
+        let opening = match needs.opens {
+            true => Some(self.opening(spaces.iter().chain([&space]), &mut drafts)?),
+            false => None,
         };
         let settings = Settings { why: vec![("weights", why)], ..self.settings(&space) };
         let evidence =
             self.evidence(&selection, horizon, (&mut drafts, count), opening.as_ref())?;
-        let ground = self.ground((start, filled), (horizon, rank), evidence.as_ref());
+        let (gate, unused) = gate(config, evidence.as_ref())?;
+        let ground = self.ground(needs, (horizon, rank), (evidence.as_ref(), gate));
         drop((spaces, self.stack));
         let mut problems = Draft::all_on(drafts, &ground);
         let growing = problems.split_off(count);
@@ -370,6 +391,7 @@ impl Source<'_> {
         let Remarks { watch, input_watch, bound, mut warnings } =
             Remarks::new(history, config, scales, rule, (&settings, radius));
         warnings.extend(evidence.iter().flat_map(|own| evidence::words(own, self.scaling)));
+        warnings.extend(unused);
         Ok(Design {
             history: history.clone(),
             x_bounds: config.x_bounds.clone(),

@@ -1,6 +1,7 @@
 //! What a step returns, with its evidence.
 
 use ddmhe_run::evidence::Rule;
+use ddmhe_run::memory::Alone;
 use ddmhe_run::{Reasons, Status};
 use serde::{Deserialize, Serialize};
 
@@ -54,6 +55,10 @@ pub struct Evidence {
     pub innovation_variance: Vec<f64>,
     /// Whether each output repeats one value longer than it ever did in the recording (p).
     pub stuck: Vec<bool>,
+    /// Whether each entry of the newest output was rejected (p): see [`ddmhe_run::gating`].
+    pub gated: Vec<bool>,
+    /// Whether the run started again with the newest output, because the state has jumped.
+    pub restarted: bool,
 }
 
 /// What speaks for a window being like the recording.
@@ -86,6 +91,7 @@ impl Evidence {
             innovation: vec![f64::NAN; p],
             innovation_variance: vec![0.0; p],
             stuck: vec![false; p],
+            gated: vec![false; p],
             ..Evidence::default()
         }
     }
@@ -99,6 +105,8 @@ impl Evidence {
         self.innovation_variance.copy_from_slice(found.innovation_variance);
         let repeats = found.repeats.iter().zip(found.patience);
         self.stuck.iter_mut().zip(repeats).for_each(|(to, (count, most))| *to = count >= most);
+        self.gated.iter_mut().zip(found.gated).for_each(|(to, gated)| *to = *gated > 0.0);
+        self.restarted = found.restarted;
     }
 }
 
@@ -140,6 +148,10 @@ pub struct EvidenceLog {
     pub innovation_variance: Vec<f64>,
     /// N·p
     pub stuck: Vec<bool>,
+    /// N·p
+    pub gated: Vec<bool>,
+    /// N
+    pub restarted: Vec<bool>,
 }
 
 impl EvidenceLog {
@@ -153,6 +165,8 @@ impl EvidenceLog {
         self.innovation.extend_from_slice(&of.innovation);
         self.innovation_variance.extend_from_slice(&of.innovation_variance);
         self.stuck.extend_from_slice(&of.stuck);
+        self.gated.extend_from_slice(&of.gated);
+        self.restarted.push(of.restarted);
     }
 
     fn reserve(&mut self, steps: usize, n: usize, p: usize) {
@@ -163,6 +177,8 @@ impl EvidenceLog {
         self.innovation.reserve_exact(steps * p);
         self.innovation_variance.reserve_exact(steps * p);
         self.stuck.reserve_exact(steps * p);
+        self.gated.reserve_exact(steps * p);
+        self.restarted.reserve_exact(steps);
     }
 }
 
@@ -178,6 +194,43 @@ impl Log {
         if let Some(evidence) = &mut self.evidence {
             evidence.reserve(steps, n, p);
         }
+    }
+}
+
+impl Log {
+    /// One more step.
+    #[inline(always)]
+    pub(crate) fn push(&mut self, estimate: &Estimate) {
+        self.x.extend_from_slice(&estimate.x);
+        self.cost.push(estimate.cost);
+        self.status.push(estimate.status);
+        self.active.push(estimate.active);
+        self.iterations.push(estimate.iterations);
+        self.bound.extend(estimate.bound);
+        if let (Some(log), Some(of)) = (&mut self.evidence, &estimate.evidence) {
+            log.push(of);
+        }
+    }
+
+    /// Up to so many more of n states that `make` makes without bounds: how many it made.
+    #[inline(always)]
+    pub(crate) fn row(
+        &mut self,
+        steps: usize,
+        n: usize,
+        make: impl FnOnce(Alone<'_>) -> usize,
+    ) -> usize {
+        let (x, before) = (self.x.len(), self.cost.len());
+        self.x.resize(x + steps * n, 0.0);
+        self.cost.resize(before + steps, 0.0);
+        let made = make(Alone { x: &mut self.x[x..], cost: &mut self.cost[before..] });
+        let steps = before + made;
+        self.x.truncate(x + made * n);
+        self.cost.truncate(steps);
+        self.status.resize(steps, Status::Optimal);
+        self.active.resize(steps, 0);
+        self.iterations.resize(steps, 0);
+        made
     }
 }
 

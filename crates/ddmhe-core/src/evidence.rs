@@ -17,10 +17,10 @@
 mod cloud;
 pub(crate) mod maps;
 pub(crate) mod model;
+mod plan_numbers;
 pub(crate) mod replay;
 
 use crate::config::Config;
-use crate::driving::Driving;
 use crate::error::Error;
 use crate::history::History;
 use crate::recorded_default::shape;
@@ -30,17 +30,22 @@ use cloud::Cloud;
 use ddmhe_run::evidence::Rule;
 use ddmhe_run::evidence::formulas::inflation;
 use ddmhe_run::layout::Layout;
+use ddmhe_run::tol;
 use faer::Mat;
 use maps::Maps;
-use model::ModelNumbers;
+pub(crate) use plan_numbers::PlanNumbers;
+use plan_numbers::{Recorded, SPREAD};
 use replay::{Replayed, Setup, folds, replay};
 
 /// A window is novel above so many times the largest V of held-out windows.
 const NOVEL: f64 = 3.0;
-/// An estimate is uncertain above this share of the recorded spread …
-const SPREAD: f64 = 0.5;
-/// … and so many times what held-out windows were off.
-const PROMISE: f64 = 3.0;
+/// A run does not go on from the recording's end above so many times that.
+const GOES_ON: f64 = 1.5;
+/// Where a recording shows no noise and none is stated, so that outputs may have any: above
+/// their recorded spread.
+const GROSS: f64 = 1.0;
+/// Of that spread, above which the reading noise of an output is noise.
+const SILENT: f64 = 1e-3;
 /// Share of held-out errors within three deviations.
 const COVERED: f64 = 0.997;
 /// Of the largest distance of recorded states, from where on leaving them counts.
@@ -49,17 +54,13 @@ const FAR: f64 = 0.7;
 const GROWS: f64 = 1.5;
 /// They are taken to grow by this at least where the motion is curved and noise hides it.
 const HIDDEN: f64 = 3.0;
-/// An output is stuck after so many equal values, or so many times the longest run recorded.
-const PATIENCE: (f64, f64) = (10.0, 3.0);
-/// Of its range, how far a channel may leave it.
-const BEYOND: f64 = 0.25;
 
 /// What windows of one depth are measured by, in scaled units.
 #[derive(Debug, Clone)]
 pub(crate) struct Reference {
     pub depth: usize,
-    /// V₀, and what V and J are novel above.
-    pub levels: [f64; 3],
+    /// V₀, what V and J are novel above, and what they are above where a run does not go on.
+    pub levels: [f64; 5],
     /// Q₀ (n × n).
     pub error: Mat<f64>,
     /// Variances of the innovations (p).
@@ -70,16 +71,11 @@ pub(crate) struct Reference {
 #[derive(Debug, Clone)]
 pub(crate) struct Calibration {
     pub rule: Rule,
+    silent: bool,               // whether later outputs may have any noise
     references: Vec<Reference>, // ascending
     opening: Vec<Reference>,    // of a run from an unknown state
-    /// Root-mean-square error of held-out windows of the horizon (n), in the user's units; NaN where
-    /// nothing could be held out.
-    pub promise: Vec<f64>,
-    /// Variance of the reading noise of the states, in the user's units (n): by fifth differences, or
-    /// what an affine step leaves, whichever is less.
-    pub start: Vec<f64>,
-    away: Mat<f64>,   // Σ_x⁻¹ / (.7 D_most) (n × n), scaled
-    growth: [f64; 3], // 2q, .1 T and T
+    /// What it says of its states.
+    pub states: Recorded,
 }
 
 impl Calibration {
@@ -104,6 +100,12 @@ impl Calibration {
             (false, false, true) => Rule::Louder,
             (false, false, false) => Rule::Curved,
         };
+        // what is neither smooth nor explained by the states
+        let read = |i: usize| {
+            let rough = fifth_differences(history, History::outputs, (i, history.p()));
+            rough.min(scaling.one_step[n + i][0]) > (SILENT * scaling.unit_y[i]).powi(2)
+        };
+        let silent = !stated && (exact || !(0..history.p()).any(read));
         let replayed = replay(history, setup, horizon)?;
         let references = replayed.iter().map(|(depth, of)| Reference::new(rule, *depth, of));
         let references: Vec<Reference> = references.collect();
@@ -118,7 +120,8 @@ impl Calibration {
         let away = away(history, scaling);
         let growth = growth(history, scaling, rule, replayed.last().map(|(_, of)| of));
         let opening = Vec::new();
-        Ok(Some(Calibration { rule, references, opening, promise, start, away, growth }))
+        let states = Recorded { promise, start, away, growth };
+        Ok(Some(Calibration { rule, silent, references, opening, states }))
     }
 
     /// With what the first windows of a run from an unknown state are measured by.
@@ -150,7 +153,8 @@ impl Reference {
         let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len() as f64;
         let most = |values: &[f64]| values.iter().copied().fold(0.0, f64::max);
         let V_0 = mean(&of.V).max(f64::MIN_POSITIVE.sqrt());
-        let levels = [V_0, NOVEL * most(&of.V).max(V_0), NOVEL * most(&of.J)];
+        let (V, J) = (most(&of.V).max(V_0), most(&of.J));
+        let levels = [V_0, NOVEL * V, NOVEL * J, GOES_ON * V, GOES_ON * J];
         let rule = if rule == Rule::Louder { Rule::Curved } else { rule };
         let s: Vec<f64> = of.V.iter().map(|V| inflation(rule, V / V_0, f64::INFINITY)).collect();
         let error = covering(&of.errors, &s);
@@ -251,19 +255,23 @@ impl Replayed {
 
 /// What a depth is measured by, in the user's units: see [`ddmhe_run::evidence::OfDepth`].
 pub(crate) struct DepthNumbers {
-    pub levels: [f64; 3],
+    pub levels: [f64; 5],
     pub carry: Vec<f64>,
     pub error: Vec<f64>,
     pub deleted: Vec<f64>,
     pub of_prior: Vec<f64>,
     pub innovation: Vec<f64>,
+    pub settled: Vec<f64>,
+    pub going_on: Vec<f64>,
 }
 
 impl DepthNumbers {
     /// None, for a rule that asks for none.
     fn none(most: f64) -> Self {
-        let [carry, error, deleted, of_prior, innovation] = std::array::from_fn(|_| Vec::new());
-        DepthNumbers { levels: [1.0, most, most], carry, error, deleted, of_prior, innovation }
+        let [carry, error, deleted, of_prior, innovation, settled, going_on] =
+            std::array::from_fn(|_| Vec::new());
+        let levels = [1.0, most, most, most, most];
+        DepthNumbers { levels, carry, error, deleted, of_prior, innovation, settled, going_on }
     }
 }
 
@@ -284,115 +292,47 @@ impl Calibration {
         };
         let Maps { carry, deleted, of_prior, noise } = maps;
         let kept = |M: &Mat<f64>| if opening { Mat::zeros(M.nrows(), n) } else { M.clone() };
+        let gross = |i: usize| if self.silent { (GROSS * scaling.unit_y[i]).powi(2) } else { 0.0 };
         if self.rule == Rule::Filter {
-            return DepthNumbers::none(f64::INFINITY);
+            let going_on = (0..p).map(gross).collect();
+            return DepthNumbers { going_on, ..DepthNumbers::none(f64::INFINITY) };
         }
+        let beyond = f64::INFINITY;
         let none = Reference {
             depth: 1,
-            levels: [f64::MIN_POSITIVE.sqrt(), f64::INFINITY, f64::INFINITY],
+            levels: [f64::MIN_POSITIVE.sqrt(), beyond, beyond, beyond, beyond],
             error: Mat::zeros(n, n),
             innovation: vec![0.0; p],
         };
         let of = self.reference(layout.depth, opening).unwrap_or(&none);
         let error = Mat::from_fn(n, n, |i, j| of.error[(i, j)] + noise.error[(i, j)]);
-        let innovation = of.innovation.iter().zip(&noise.innovation).map(|(own, more)| own + more);
-        let [V_0, V_most, J_most] = of.levels;
+        let variances = |of: &Reference| -> Vec<f64> {
+            let own = of.innovation.iter().zip(&noise.innovation).zip(s_y);
+            own.map(|((own, more), s)| (own + more) * s * s).collect()
+        };
+        let [V_0, most @ ..] = of.levels;
         let more = noise.rare();
+        let [V_most, J_most, V_on, J_on] = most.map(|most| most + more);
         let levels = match self.rule {
             // of noise of one unit: the run itself says how much there is
-            Rule::Exact => [noise.V[0], more, f64::INFINITY],
-            _ => [V_0 + noise.V[0], V_most + more, J_most + more],
+            Rule::Exact => [noise.V[0], more, beyond, beyond, beyond],
+            _ if self.silent => [V_0 + noise.V[0], V_most, J_most, beyond, beyond],
+            _ => [V_0 + noise.V[0], V_most, J_most, V_on, J_on],
         };
+        let settled = variances(self.reference(layout.depth, false).unwrap_or(&none));
+        let known =
+            |i: usize| if self.rule == Rule::Exact { 0.0 } else { tol::GOES_ON * settled[i] };
         DepthNumbers {
             levels,
             carry: entries(&kept(carry), &|i, j| s_x[i] / s_x[j]),
             error: entries(&error, &|i, j| s_x[i] * s_x[j]),
             deleted: entries(deleted, &|i, j| s_y[i] / s_y[j]),
             of_prior: entries(&kept(of_prior), &|i, j| s_y[i] / s_x[j]),
-            innovation: innovation.zip(s_y).map(|(own, s)| own * s * s).collect(),
+            innovation: variances(of),
+            going_on: (0..p).map(|i| known(i).max(gross(i))).collect(),
+            settled,
         }
     }
-
-    /// Of all depths: see [`ddmhe_run::evidence::OfPlan`].
-    pub fn of_plan(
-        &self,
-        history: &History,
-        config: &Config,
-        (scaling, driving): (&Scaling, Option<&Driving>),
-    ) -> PlanNumbers {
-        let (n, p, m) = (history.n(), history.p(), history.m());
-        let promise = |i: usize| if self.promise[i].is_nan() { 0.0 } else { self.promise[i] };
-        let spread = &scaling.unit_x;
-        let uncertain = |i: usize| (SPREAD * spread[i]).max(PROMISE * promise(i)).powi(2);
-        let stationary = driving.and_then(|driving| driving.stationary.as_ref());
-        let start = |i: usize, j: usize| match stationary {
-            Some(P) => P[(i, j)] * scaling.s_x[i] * scaling.s_x[j],
-            None if i == j => self.start[i],
-            None => 0.0,
-        };
-        let range = |signal: fn(&History, usize) -> &[f64], width: usize, i: usize| {
-            let values = (0..history.recordings())
-                .flat_map(|r| signal(history, r).iter().skip(i).step_by(width));
-            let (lo, hi) = values
-                .fold((f64::INFINITY, f64::NEG_INFINITY), |(lo, hi), v| (lo.min(*v), hi.max(*v)));
-            (lo, hi, BEYOND * (hi - lo) + ROUNDING * lo.abs().max(hi.abs()))
-        };
-        let x: Vec<(f64, f64, f64)> = (0..n).map(|i| range(History::states, n, i)).collect();
-        let scaled = |i: usize, u: f64| (u - scaling.mean_u[i]) / scaling.unit_u[i];
-        let u: Vec<(f64, f64)> = (0..m)
-            .map(|i| {
-                let (lo, hi, more) = range(History::inputs, m, i);
-                (scaled(i, lo - more), scaled(i, hi + more))
-            })
-            .collect();
-        let patience = |i: usize| PATIENCE.0.max(PATIENCE.1 * longest_run(history, i) as f64);
-        PlanNumbers {
-            start: (0..n * n).map(|k| start(k / n, k % n)).collect(),
-            away: (0..n * n)
-                .map(|k| self.away[(k / n, k % n)] / (scaling.s_x[k / n] * scaling.s_x[k % n]))
-                .collect(),
-            per_spread: spread.iter().map(|s| 1.0 / (s * s)).collect(),
-            uncertain: (0..n).map(uncertain).collect(),
-            x_range: [
-                x.iter().map(|(lo, _, more)| lo - more).collect(),
-                x.iter().map(|(_, hi, more)| hi + more).collect(),
-            ],
-            u_range: [u.iter().map(|(lo, _)| *lo).collect(), u.iter().map(|(_, hi)| *hi).collect()],
-            patience: (0..p).map(patience).collect(),
-            drift: config.drift.clone().unwrap_or_default(),
-            growth: self.growth.into_iter().chain([f64::from(config.x_prior.is_some())]).collect(),
-            model: driving
-                .filter(|_| self.rule == Rule::Filter)
-                .and_then(|driving| ModelNumbers::new(history, scaling, driving)),
-        }
-    }
-}
-
-/// A channel that never moved may be off by this share of its magnitude.
-const ROUNDING: f64 = 1e-9;
-
-/// What all depths are measured by, in the user's units.
-pub(crate) struct PlanNumbers {
-    pub start: Vec<f64>,
-    pub per_spread: Vec<f64>,
-    pub away: Vec<f64>,
-    pub uncertain: Vec<f64>,
-    pub x_range: [Vec<f64>; 2],
-    pub u_range: [Vec<f64>; 2],
-    pub patience: Vec<f64>,
-    pub drift: Vec<f64>,
-    pub growth: Vec<f64>,
-    pub model: Option<ModelNumbers>, // with the weights of the recording
-}
-
-/// The longest run of equal values of an output.
-fn longest_run(history: &History, i: usize) -> usize {
-    let p = history.p();
-    let of = |r: usize| {
-        let values: Vec<f64> = history.outputs(r).iter().skip(i).step_by(p).copied().collect();
-        values.chunk_by(|a, b| a == b).map(<[f64]>::len).max().unwrap_or(0)
-    };
-    (0..history.recordings()).map(of).max().unwrap_or(0)
 }
 
 /// Whether an affine step explains the recording but for rounding.
@@ -422,14 +362,14 @@ pub(crate) fn stated_beyond(config: &Config, scaling: &Scaling) -> Vec<f64> {
 
 /// What the recording cannot promise, in words.
 pub(crate) fn words(evidence: &Calibration, scaling: &Scaling) -> Vec<String> {
-    if evidence.promise.iter().all(|h| h.is_nan()) {
+    if evidence.states.promise.iter().all(|h| h.is_nan()) {
         return vec![
             "the recording is too short to hold windows out of it: it cannot say how far off \
             estimates may be"
                 .into(),
         ];
     }
-    let broken = evidence.promise.iter().zip(&scaling.unit_x).enumerate();
+    let broken = evidence.states.promise.iter().zip(&scaling.unit_x).enumerate();
     broken
         .filter(|(_, (h, spread))| **h > SPREAD * **spread)
         .map(|(i, (h, spread))| {

@@ -18,6 +18,7 @@ use crate::first_window::filled;
 use crate::history::History;
 use crate::magnitude::{check_ridge, check_weights};
 use crate::mhe::{DdMhe, Signals};
+use crate::needs::Needs;
 use crate::reduction::gain;
 use crate::response::OwnResponse;
 use crate::scaling::Scaling;
@@ -79,7 +80,7 @@ impl<'a> Filters<'a> {
         let going = || !stopped.load(Ordering::Relaxed);
         let Some(horizon) = config.horizon else {
             // with a full window from the start: the one depth at which the choice is made
-            let design = Design::new(history, config, Start::Recording)?;
+            let design = Design::new(history, config, Needs::of(config, Start::Recording))?;
             let (horizon, rested) = (design.settings.horizon, design.settings.equilibrium_used);
             let scales = (&design.scaling, design.response.as_ref());
             let rest = config.rest().filter(|_| rested);
@@ -114,6 +115,11 @@ impl<'a> Filters<'a> {
         Ok(Filters { history, config, scaling, response, horizon, settings, general })
     }
 
+    /// Where its runs start: from a prior, unless at the recording's end.
+    fn start(&self) -> Start {
+        self.config.resolved(self.config.start, true)
+    }
+
     /// Spectral radius of setting `k` and its estimates (N·n) of outputs (N·p) and inputs (N·m), from
     /// a prior if it starts from a state; None if it cannot be used, or if a number is out of reach.
     pub fn run(
@@ -124,17 +130,17 @@ impl<'a> Filters<'a> {
     ) -> Option<(f64, Vec<f64>)> {
         if let Some(general) = &self.general {
             let mut mhe = general.clone();
-            mhe.reset((self.config.start == Start::State).then_some(x_prior)).ok()?;
+            mhe.reset((self.start() == Start::State).then_some(x_prior)).ok()?;
             let log = mhe.run_until(Signals { y: outputs, u }, &mut || false).ok()?;
             return Some((mhe.spectral_radius(), log.x));
         }
         let setting = self.settings[k].as_ref()?;
         let (n, p) = (self.history.n(), self.history.p());
         let last = self.history.recordings() - 1;
-        let filled = filled(self.history, self.config.start, self.horizon);
+        let filled = filled(self.history, self.start(), self.horizon);
         let (x, y) = (self.history.states(last), self.history.outputs(last));
         let recorded = &x[x.len() - (filled + 1) * n..];
-        let first = if self.config.start == Start::State { x_prior } else { recorded };
+        let first = if self.start() == Start::State { x_prior } else { recorded };
         let mut states: Vec<f64> =
             first.chunks_exact(n).flat_map(|x| self.scaling.deviations(x, &[])).collect();
         let before = y[y.len() - filled * p..].chunks_exact(p);
@@ -220,7 +226,7 @@ impl<'a> Windows<'a> {
         config: &Config,
         going: &impl Fn() -> bool,
     ) -> Vec<Option<Setting>> {
-        let filled = filled(self.history, config.start, self.horizon);
+        let filled = filled(self.history, config.resolved(config.start, true), self.horizon);
         for depth in depths(config, self.horizon, filled).into_iter().skip(1) {
             for slot in settings.iter_mut().filter(|_| going()) {
                 let Some(setting) = slot else { continue };

@@ -9,7 +9,8 @@ use serde::{Deserialize, Serialize};
 /// that is where it starts.
 pub(crate) fn filled(history: &History, start: Start, horizon: usize) -> usize {
     let recorded = history.outputs(history.recordings() - 1).len() / history.p();
-    if start == Start::Recording { recorded.min(horizon) } else { 0 }
+    let goes_on = matches!(start, Start::Recording | Start::Auto);
+    if goes_on { recorded.min(horizon) } else { 0 }
 }
 
 /// The samples in the window of a run, as scaled deviations.

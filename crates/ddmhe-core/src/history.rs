@@ -169,8 +169,8 @@ impl History {
                 if mine != others {
                     return Err(Error::value(
                         "histories",
-                        format!("{name} = {mine:?} in every recording"),
-                        format!("{others:?}"),
+                        format!("{name} = {} in every recording", shown(mine)),
+                        shown(others),
                     ));
                 }
             }
@@ -366,6 +366,16 @@ impl History {
         })
     }
 }
+
+/// Names of units in one line, of a long list the beginning.
+fn shown(units: &[String]) -> String {
+    let text = format!("{units:?}");
+    let rest = if text.chars().count() > LONGEST { "…" } else { "" };
+    text.chars().take(LONGEST).collect::<String>() + rest
+}
+
+/// Characters of names that a message shows.
+const LONGEST: usize = 200;
 
 /// The units of channels that have none.
 fn unknown(channels: usize) -> Vec<String> {

@@ -111,6 +111,7 @@ mod linear_model;
 mod magnitude;
 mod many;
 mod mhe;
+mod needs;
 mod own;
 mod plan_builder;
 mod process_noise;
@@ -122,6 +123,7 @@ mod remarks;
 mod response;
 mod riccati;
 mod run;
+mod saved;
 mod scaling;
 pub mod snapshot;
 mod soft;
@@ -143,7 +145,9 @@ pub use ddmhe_interval::{
 pub use ddmhe_run::{Reasons, Status};
 
 pub use certificate::{Certificate, Disturbance, Model, Uncertainty, minimum_horizon};
-pub use config::{Bounds, Center, Config, Equilibrium, ProcessNoise, Settings, Start, Weighting};
+pub use config::{
+    Bounds, Center, Config, Equilibrium, Gate, ProcessNoise, Settings, Start, Stuck, Weighting,
+};
 pub use estimate::{Estimate, Evidence, EvidenceKind, EvidenceLog, Log};
 pub use excitation::RankReport;
 pub use hankel::BlockHankel;

@@ -8,13 +8,18 @@ use crate::config_checks::{check_beside, check_box, check_measured, check_output
 use crate::design::Design;
 use crate::error::Error;
 use crate::estimate::{Estimate, Log};
-use crate::first_window::filled;
 use crate::history::History;
 use crate::interrupt::Interrupt;
 use crate::magnitude::check_reach;
-use crate::run::{Run, Saved};
+use crate::needs::Needs;
+use crate::run::Run;
+use crate::saved::Saved;
 use crate::tol;
+use std::ops::Range;
 use std::sync::Arc;
+
+/// Steps that are made in a row at most before it is asked whether to stop.
+const ROW: usize = 32;
 
 /// One sample: what a step is given.
 #[derive(Debug, Clone, Copy, Default)]
@@ -70,9 +75,9 @@ impl DdMhe {
     /// [`Error::Rank`] when the recording is too short for the horizon or violates the rank
     /// condition (7).
     pub fn new(history: &History, config: Config) -> Result<Self, Error> {
-        let design = Design::new(history, &config, config.start)?;
-        let mut mhe =
-            DdMhe { run: Run::new(&design, config.start), design: Arc::new(design), config };
+        let start = config.begins();
+        let design = Design::new(history, &config, Needs::of(&config, start))?;
+        let mut mhe = DdMhe { run: Run::new(&design, start), design: Arc::new(design), config };
         mhe.prepare(mhe.run.start)?;
         mhe.restart(None);
         Ok(mhe)
@@ -139,27 +144,24 @@ impl DdMhe {
         let mut interrupt = Interrupt::new(stop);
         let steps = ys.len() / p;
         let alone = self.run.may_be_alone(&self.design);
-        for (k, y) in ys.chunks_exact(p).enumerate() {
+        let mut k = 0;
+        while k < steps {
             let stopped = interrupt.stopped();
             if stopped && (k == 0 || !alone) {
                 break;
             }
-            let sample = (y, &us[k * m..(k + 1) * m]);
             // the window of the last step is there to be looked at
-            let last = stopped || k + 1 == steps;
-            if !alone || last || !self.run.advance_alone(&self.design, sample) {
-                self.run.advance(&self.design, sample, None);
+            let last = !alone || stopped || k + 1 == steps;
+            let row = k..if last { k } else { (k + ROW).min(steps - 1) };
+            let made = self.run_row(ys, us, row, &mut log);
+            if made == 0 {
+                let sample = (&ys[k * p..(k + 1) * p], &us[k * m..(k + 1) * m]);
+                if last || !self.run.advance_alone(&self.design, sample) {
+                    self.advance(sample.0, sample.1, None);
+                }
+                log.push(&self.run.estimate);
             }
-            let estimate = &self.run.estimate;
-            log.x.extend_from_slice(&estimate.x);
-            log.cost.push(estimate.cost);
-            log.status.push(estimate.status);
-            log.active.push(estimate.active);
-            log.iterations.push(estimate.iterations);
-            log.bound.extend(estimate.bound);
-            if let (Some(log), Some(of)) = (&mut log.evidence, &estimate.evidence) {
-                log.push(of);
-            }
+            k += made.max(1);
             if stopped {
                 break;
             }
@@ -173,7 +175,7 @@ impl DdMhe {
     /// # Errors
     /// [`Error::Shape`] or [`Error::NotFinite`] for `x_prior`.
     pub fn reset(&mut self, x_prior: Option<&[f64]>) -> Result<(), Error> {
-        let start = if x_prior.is_some() { Start::State } else { self.config.start };
+        let start = if x_prior.is_some() { Start::State } else { self.config.begins() };
         self.reset_from(start, x_prior)
     }
 
@@ -190,7 +192,8 @@ impl DdMhe {
             check_start(start)?;
         }
         check_beside(&self.config, start)?;
-        self.prepare(start)?;
+        let prior = x_prior.or(self.config.x_prior.as_deref()).is_some();
+        self.prepare(self.config.resolved(start, prior))?;
         self.restart(x_prior);
         Ok(())
     }
@@ -220,14 +223,12 @@ impl DdMhe {
             let found = "an estimator with error bounds";
             return Err(Error::value("disturbance", "none, for a plan", found));
         }
-        let start = self.config.start; // of a new run, whatever this one is
-        let Design { history, settings, ground, .. } = &*self.design;
-        if ground.sizes().filled != filled(history, start, settings.horizon) {
-            return DdMhe::new(history, self.config.clone())?.plan();
+        // of a new run, whatever this one is
+        let needs = Needs::in_flight(&self.config, self.config.begins());
+        if self.design.serves(needs) {
+            return Ok(self.design.plan(needs));
         }
-        let opening = self.design.opening.get().filter(|_| start == Start::Unknown);
-        let opening = opening.map_or(&[][..], |opening| &opening.problems);
-        Ok(self.design.ground.bytes(&self.design.problems, opening))
+        Ok(Design::new(&self.design.history, &self.config, needs)?.plan(needs))
     }
 
     /// The configuration that was asked for.
@@ -241,7 +242,7 @@ impl DdMhe {
         self.run.bound.is_some()
     }
 
-    /// Where this run started.
+    /// Where this run started; [`Start::Auto`] as long as that is still to be found.
     pub fn start(&self) -> Start {
         self.run.start
     }
@@ -276,7 +277,7 @@ impl DdMhe {
     /// What the recording promises: the root-mean-square error of each state in windows that were
     /// held out of it (n), NaN where nothing could be held out. None without evidence.
     pub fn promise(&self) -> Option<&[f64]> {
-        self.design.evidence.as_ref().map(|own| &own.promise[..])
+        self.design.evidence.as_ref().map(|own| &own.states.promise[..])
     }
 
     /// The latest estimate (empty before the first step).
@@ -291,11 +292,13 @@ impl DdMhe {
 
     /// Everything that a run from this start needs.
     fn prepare(&mut self, start: Start) -> Result<(), Error> {
-        let made = match start != Start::Recording && !self.design.reaches(1) {
-            true => Some(Arc::new(Design::new(&self.design.history, &self.config, start)?)),
+        let needs = Needs::of(&self.config, start);
+        let grows = matches!(start, Start::State | Start::Unknown);
+        let made = match grows && !self.design.reaches(1) {
+            true => Some(Arc::new(Design::new(&self.design.history, &self.config, needs)?)),
             false => None,
         };
-        if start == Start::Unknown {
+        if needs.opens {
             made.as_ref().unwrap_or(&self.design).open()?;
         }
         if let Some(design) = made {
@@ -322,9 +325,50 @@ impl DdMhe {
         self.run.restart(&self.design, x_prior.or(self.config.x_prior.as_deref()));
     }
 
+    /// As many steps of a log, from that of the first of these samples on, as are made in one go: how
+    /// many.
+    #[inline(always)]
+    fn run_row(&mut self, ys: &[f64], us: &[f64], row: Range<usize>, log: &mut Log) -> usize {
+        if row.is_empty() {
+            return 0;
+        }
+        let (n, p, m) = (self.n(), self.p(), self.design.history.m());
+        let samples = (&ys[row.start * p..row.end * p], &us[row.start * m..row.end * m]);
+        log.row(row.len(), n, |out| self.run.advance_row(&self.design, samples, out))
+    }
+
     /// One step on checked input.
     fn advance(&mut self, y: &[f64], u: &[f64], x_bounds: Option<&Bounds>) -> &Estimate {
-        self.run.advance(&self.design, (y, u), x_bounds)
+        self.run.advance(&self.design, (y, u), x_bounds);
+        if self.run.first.is_some() {
+            self.find_start(y, u, x_bounds);
+        }
+        &self.run.estimate
+    }
+
+    /// Whether the run goes on from the recording's end; where not, it starts over from an unknown
+    /// state with all outputs since.
+    #[cold]
+    fn find_start(&mut self, y: &[f64], u: &[f64], x_bounds: Option<&Bounds>) {
+        let Some(first) = &mut self.run.first else { return };
+        first.extend(y.iter().chain(u));
+        if self.run.goes_on {
+            if self.run.t >= self.design.settings.horizon {
+                (self.run.first, self.run.start) = (None, Start::Recording);
+            }
+            return;
+        }
+        let (samples, t) = (self.run.first.take().unwrap_or_default(), self.run.t);
+        if self.prepare(Start::Unknown).is_err() {
+            (self.run.start, self.run.doubts.kept) = (Start::Recording, true);
+        } else {
+            self.restart(None);
+            for (k, sample) in samples.chunks_exact(y.len() + u.len()).enumerate() {
+                let bounds = x_bounds.filter(|_| k + 1 == t);
+                self.run.advance(&self.design, sample.split_at(y.len()), bounds);
+            }
+        }
+        self.run.doubts.elsewhere = Some(t);
     }
 
     /// Inputs of so many samples, all known.
@@ -351,7 +395,7 @@ impl DdMhe {
         if m == 0 {
             return Ok(());
         }
-        let shared = self.design.ground.shared();
+        let shared = &self.design.problems[0].problem().shared;
         let far = u.chunks_exact(m).enumerate().find_map(|(row, u)| {
             let within = |(u, far): (&f64, f64)| u.is_finite() && far.abs() <= tol::MEASURABLE;
             let deviations = shared.input_deviations(u);

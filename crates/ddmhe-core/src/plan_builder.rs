@@ -133,6 +133,8 @@ impl Draft {
         self.block.write(spans.deleted, numbers.deleted);
         self.block.write(spans.of_prior, numbers.of_prior);
         self.block.write(spans.innovation, numbers.innovation);
+        self.block.write(spans.settled, numbers.settled);
+        self.block.write(spans.going_on, numbers.going_on);
     }
 
     /// Number of directions r.

@@ -16,7 +16,7 @@ use crate::history::History;
 use crate::linear_model::LinearModel;
 use crate::scaling::{EXACT, Scaling};
 use crate::variation::{Steps, centred, least_squares, left_by};
-use ddmhe_run::panels::write_panels;
+use ddmhe_run::panels::{padded, write_panels};
 use ddmhe_run::response::{Response, ResponseSizes};
 
 /// Largest γ, and γ/f₁.
@@ -124,14 +124,10 @@ impl OwnResponse {
     /// x_f and y_f of a window with these inputs, all as scaled deviations.
     pub fn forced(&self, u: &[f64]) -> (Vec<f64>, Vec<f64>) {
         let ResponseSizes { n, p, m, .. } = self.sizes;
-        let (stride, depth) = (self.sizes.stride(), u.len() / m);
-        let mut motion = vec![0.0; depth * stride];
-        Response::new(self.sizes, &self.theta).forced(u, &mut motion);
-        let (mut x, mut y) = (vec![0.0; n], Vec::with_capacity(depth * p));
-        for instant in motion.chunks_exact(stride) {
-            x.extend(&instant[..n]);
-            y.extend(&instant[n..n + p]);
-        }
+        let depth = u.len() / m;
+        let (mut x, mut y) = (vec![0.0; (depth + 1) * n], vec![0.0; depth * p]);
+        let room = &mut vec![0.0; padded(n + p)];
+        Response::new(self.sizes, &self.theta).forced(u, &mut x[n..], &mut y, room);
         (x, y)
     }
 

@@ -4,28 +4,23 @@
 //! minimiser. What a step of that crate cannot do in flight, [`Fallbacks`] does here.
 
 use crate::config::{Bounds, Start};
-use crate::config_checks::check_measured;
 use crate::design::Design;
 use crate::doubts::Doubts;
-use crate::error::Error;
 use crate::error_bound::ErrorBound;
 use crate::estimate::{Estimate, Evidence};
 use crate::fallback::Fallbacks;
 use crate::first_window::{Samples, filled, first_window};
-use crate::history::check_finite;
 use crate::inputs::SeenInputs;
 use crate::plan_builder::Prepared;
 use crate::start::Opening;
 use crate::watch::Seen;
 use crate::weights::Weights;
-use ddmhe_run::active_set::ActiveBound;
+use ddmhe_run::Status;
 use ddmhe_run::layout::Layout;
-use ddmhe_run::memory::{Judged, Memory, memory_len};
+use ddmhe_run::memory::{Alone, Memory, memory_len};
 use ddmhe_run::plan::Limits;
 use ddmhe_run::problem::WindowSolution;
 use ddmhe_run::stepper::{Answer, Found, Pass, smooth};
-use ddmhe_run::{Reasons, Status};
-use serde::{Deserialize, Serialize};
 
 /// The state of a run.
 pub(crate) struct Run {
@@ -41,75 +36,10 @@ pub(crate) struct Run {
     pub doubts: Doubts,
     pub t: usize,
     pub estimate: Estimate,
-}
-
-/// What a run is continued from in another process.
-#[derive(Serialize, Deserialize)]
-pub(crate) struct Saved {
-    window: Samples,
-    bounds: Vec<f64>,
-    active: Vec<(usize, f64)>, // rows and sides of the active bounds
-    moves: bool,
-    chain: bool,    // whether the estimates are one filter's
-    tail: Vec<f64>, // covariance of the oldest, unless it is the stationary one
-    seen: Seen,
-    seen_inputs: SeenInputs,
-    doubts: Doubts,
-    evidence: Option<SavedEvidence>,
-    pub start: Start, // of the run, which reset may have changed
-    t: usize,
-    estimate: Estimate,
-}
-
-/// Of it, what evidence is made from.
-#[derive(Serialize, Deserialize)]
-struct SavedEvidence {
-    kept: Vec<f64>,
-    covariances: Vec<f64>,
-    scores: Vec<f64>,
-    since: usize,
-    inflation: f64,
-    steps: f64,
-    samples: f64,
-    value: f64,
-    limit: f64,
-    reasons: u8,
-}
-
-impl SavedEvidence {
-    fn of(memory: &Memory<Vec<f64>>) -> Option<Self> {
-        let ([kept, covariances, scores], judged) = memory.saved_evidence()?;
-        Some(SavedEvidence {
-            kept: kept.to_vec(),
-            covariances: covariances.to_vec(),
-            scores: scores.to_vec(),
-            since: judged.since,
-            inflation: judged.inflation,
-            steps: judged.steps,
-            samples: judged.samples,
-            value: judged.value,
-            limit: judged.limit,
-            reasons: judged.reasons.bits(),
-        })
-    }
-
-    /// Whether it is of so many states.
-    fn fits(&self, memory: &Memory<Vec<f64>>, n: usize, states: usize) -> bool {
-        let [kept, steps] = memory.saved_evidence_len();
-        self.kept.len() == kept
-            && self.covariances.len() == states * n * n
-            && self.covariances.iter().all(|v| v.is_finite())
-            && self.scores.len() <= 2 * steps
-            && self.scores.len().is_multiple_of(2)
-            && self.inflation >= 0.0
-    }
-
-    fn resume(&self, memory: &mut Memory<Vec<f64>>) {
-        let SavedEvidence { since, inflation, steps, samples, value, limit, .. } = *self;
-        let reasons = Reasons::from_bits(self.reasons);
-        let judged = Judged { since, inflation, steps, samples, value, limit, reasons };
-        memory.resume_evidence([&self.kept, &self.covariances, &self.scores], judged);
-    }
+    /// Where the start is still to be found: all samples [y; u] since.
+    pub first: Option<Vec<f64>>,
+    /// Whether the newest window is one of a run that goes on from the recording's end.
+    pub goes_on: bool,
 }
 
 impl Run {
@@ -125,6 +55,8 @@ impl Run {
             doubts: Doubts::new(&design.history),
             t: 0,
             estimate: Estimate::default(),
+            first: None,
+            goes_on: true,
         }
     }
 
@@ -139,6 +71,8 @@ impl Run {
             doubts: self.doubts.clone(),
             t: self.t,
             estimate: self.estimate.clone(),
+            first: self.first.clone(),
+            goes_on: self.goes_on,
         };
         copy.reserve(design); // a copied vector has no room to grow
         copy
@@ -152,6 +86,7 @@ impl Run {
         self.seen = design.watch.start();
         self.seen_inputs = design.input_watch.start();
         self.doubts = Doubts::new(history);
+        self.first = (self.start == Start::Auto).then(Vec::new);
         let sizes = design.ground.sizes();
         self.estimate.evidence =
             sizes.judged().then(|| Evidence::with_room(sizes.n, sizes.p, sizes.rule));
@@ -164,84 +99,8 @@ impl Run {
         }
     }
 
-    /// What [`resume`](Self::resume) continues from.
-    pub fn saved(&self) -> Saved {
-        Saved {
-            window: Samples {
-                states: self.memory.states().to_vec(),
-                outputs: self.memory.outputs().to_vec(),
-                inputs: self.memory.inputs().to_vec(),
-            },
-            bounds: self.bound.as_ref().map_or(&[][..], ErrorBound::errors).to_vec(),
-            active: self.memory.active().map(|side| (side.row, side.sign)).collect(),
-            moves: self.memory.moves(),
-            chain: self.memory.is_chain(),
-            tail: self.memory.tail().map_or_else(Vec::new, <[f64]>::to_vec),
-            seen: self.seen.clone(),
-            seen_inputs: self.seen_inputs.clone(),
-            doubts: self.doubts.clone(),
-            evidence: SavedEvidence::of(&self.memory),
-            start: self.start,
-            t: self.t,
-            estimate: self.estimate.clone(),
-        }
-    }
-
-    /// Continues a saved run from the same start.
-    pub fn resume(&mut self, design: &Design, saved: Saved) -> Result<(), Error> {
-        let Saved { window, bounds, moves, chain, tail, .. } = saved;
-        let Saved { seen, seen_inputs, doubts, evidence, t, estimate, .. } = saved;
-        let Samples { states, outputs, inputs } = &window;
-        let (n, p, m) = (design.history.n(), design.history.p(), design.history.m());
-        let samples = outputs.len() / p;
-        let active = saved.active.iter().map(|&(row, sign)| ActiveBound { row, sign });
-        let active: Vec<ActiveBound> = active.collect();
-        let fits = samples <= design.settings.horizon
-            && outputs.len() == samples * p
-            && states.len() == (samples + 1) * n
-            && inputs.len() == samples * m
-            && bounds.len() == if self.bound.is_some() { samples + 1 } else { 0 }
-            && bounds.iter().all(|e| *e >= 0.0)
-            && t < usize::MAX / 2
-            && estimate.fits(n, p)
-            && evidence.is_some() == design.ground.sizes().judged()
-            && evidence.as_ref().is_none_or(|own| own.fits(&self.memory, n, samples + 1))
-            && estimate.evidence.is_some() == evidence.is_some()
-            && (estimate.w.is_empty() || design.driving.is_some())
-            && (tail.is_empty() || design.ground.sizes().recorded && tail.len() == n * n)
-            && design.input_watch.allows(&seen_inputs)
-            && estimate.v.len() <= design.settings.horizon * p
-            && (active.is_empty() || design.problem(samples).allows(&active));
-        if !fits || !design.reaches(samples + 1) {
-            return Err(Error::value(
-                "blob",
-                "a window that fits the horizon",
-                format!("{samples} samples"),
-            ));
-        }
-        check_measured("blob", outputs, p)?;
-        check_finite("blob", states, n)?;
-        check_finite("blob", inputs, m)?;
-        check_finite("blob", &tail, n)?;
-        design.watch.check(&seen)?;
-        doubts.check(&design.history)?;
-        self.refill(design, &window, false);
-        self.memory.resume(design.problem(samples).layout().depth, &active, moves);
-        self.memory.resume_filter(&design.ground.shared(), (chain, &tail));
-        if let Some(evidence) = evidence {
-            evidence.resume(&mut self.memory);
-        }
-        (self.seen, self.t, self.estimate) = (seen, t, estimate);
-        (self.seen_inputs, self.doubts) = (seen_inputs, doubts);
-        self.reserve(design);
-        if let Some(bound) = &mut self.bound {
-            bound.resume(&bounds);
-        }
-        Ok(())
-    }
-
     /// Room for the longest window, so that no step allocates.
-    fn reserve(&mut self, design: &Design) {
+    pub fn reserve(&mut self, design: &Design) {
         let (n, p) = (design.history.n(), design.history.p());
         let depth = design.settings.horizon;
         let driven = design.driving.is_some();
@@ -253,11 +112,14 @@ impl Run {
         if let Some(bound) = &mut self.bound {
             bound.reserve(depth + 2);
         }
+        if let Some(first) = &mut self.first {
+            first.reserve(depth * (p + design.history.m()) - first.len());
+        }
     }
 
     /// Another window.
     #[cold]
-    fn refill(&mut self, design: &Design, window: &Samples, elsewhere: bool) {
+    pub fn refill(&mut self, design: &Design, window: &Samples, elsewhere: bool) {
         self.memory.clear();
         for x in window.states.chunks_exact(design.history.n()) {
             self.memory.push_state(x.iter().copied());
@@ -268,7 +130,11 @@ impl Run {
         for u in window.inputs.chunks_exact(design.history.m().max(1)) {
             self.memory.push_input(u.iter().copied());
         }
+        self.memory.prepare(&design.ground.shared());
         let unknown = self.start == Start::Unknown;
+        if unknown {
+            self.memory.begin_unknown(0);
+        }
         self.memory.start_evidence(&design.ground.shared(), unknown, elsewhere);
     }
 
@@ -285,7 +151,8 @@ impl Run {
     #[inline]
     pub fn advance_alone(&mut self, design: &Design, (y, u): (&[f64], &[f64])) -> bool {
         let horizon = design.settings.horizon;
-        if self.start == Start::Unknown && self.t < horizon || self.estimate.x.is_empty() {
+        let opens = self.memory.grows(horizon) || self.first.is_some();
+        if opens || self.estimate.x.is_empty() {
             return false;
         }
         let full = self.memory.len() == horizon;
@@ -304,6 +171,48 @@ impl Run {
         true
     }
 
+    /// As many steps as [`advance_alone`](Self::advance_alone) would make in a row, as far as they
+    /// can be made in one go: how many. x̂ (n) and cost of each go into `out`, what they share is
+    /// that of the newest.
+    pub fn advance_row(
+        &mut self,
+        design: &Design,
+        (y, u): (&[f64], &[f64]),
+        out: Alone<'_>,
+    ) -> usize {
+        let horizon = design.settings.horizon;
+        let growing = self.memory.grows(horizon);
+        if growing || self.estimate.x.is_empty() || self.memory.len() < horizon {
+            return 0;
+        }
+        let problem = design.problem(horizon).problem();
+        if problem.shared.sizes.judged() || !problem.depth.kind.filtered {
+            return 0;
+        }
+        let Alone { x, cost } = out;
+        let (memory, row) = (&mut self.memory, Alone { x: &mut *x, cost: &mut *cost });
+        let made = design.units.dispatch(
+            #[inline(always)]
+            || memory.alone(&problem.shared, (y, u), row),
+        );
+        let p = design.history.p();
+        for (k, y) in y.chunks_exact(p).take(made).enumerate() {
+            self.t += 1;
+            design.watch.note(&mut self.seen, y, self.t);
+            if design.history.m() > 0 {
+                let u = self.memory.inputs_before(made - 1 - k);
+                design.input_watch.note(&mut self.seen_inputs, u, self.t);
+            }
+        }
+        if let Some(last) = made.checked_sub(1) {
+            let n = self.estimate.x.len();
+            self.estimate.x.copy_from_slice(&x[last * n..made * n]);
+            (self.estimate.cost, self.estimate.status) = (cost[last], Status::Optimal);
+            (self.estimate.active, self.estimate.iterations) = (0, 0);
+        }
+        made
+    }
+
     /// One pass of Algorithm 1's loop, on checked input: nothing can go wrong that is not a status.
     #[inline]
     pub fn advance(
@@ -319,34 +228,48 @@ impl Run {
                 bound.forget();
             }
         }
+        let fallback = |prepared, weights| Fallbacks { design, weights, prepared };
         // the window of this step holds all outputs of a run from an unknown state
-        let growing = self.start == Start::Unknown && self.t < horizon;
-        let opening = design.opening.get().filter(|_| growing);
-        let (prepared, weights) = problem(design, opening, self.memory.len() + 1);
+        let opening = design.opening.get().filter(|_| self.memory.grows(horizon));
+        let (mut prepared, mut weights) = problem(design, opening, self.memory.len() + 1);
+        let x_bounds = x_bounds.map(|bounds| Limits { lo: &bounds.lo, hi: &bounds.hi });
+        let memory = &mut self.memory;
+        let (own, problem_of) = (fallback(prepared, weights), Prepared::problem);
+        let mut pass = Pass { problem: problem_of(prepared), memory, fallback: &own, x_bounds };
+        let missing = pass.take_in(y, u);
+        if pass.doubt_newest() {
+            let outputs = pass.memory.len();
+            (prepared, weights) = problem(design, design.opening.get(), outputs);
+            let (own, memory) = (fallback(prepared, weights), &mut self.memory);
+            let problem = problem_of(prepared);
+            Pass { problem, memory, fallback: &own, x_bounds }.fit_window();
+        }
         let layout = prepared.layout();
+        let x_bounds = x_bounds.map(|bounds| newest_rows(bounds, layout));
         let estimate = &mut self.estimate;
         if estimate.v.len() != layout.outputs_len() {
             fit(estimate, layout);
         }
         let Estimate { x, window, v, w, bound: error_bound, .. } = estimate;
         let mut out = Answer { x, window, v, w };
-        let fallback = &Fallbacks { design, weights, prepared };
-        let (problem, memory) = (prepared.problem(), &mut self.memory);
-        let x_bounds = x_bounds.map(|bounds| Limits { lo: &bounds.lo, hi: &bounds.hi });
-        let mut pass = Pass { problem, memory, fallback, x_bounds };
-        let found = pass.consume(y, u, &mut out);
+        let (own, memory) = (fallback(prepared, weights), &mut self.memory);
+        let mut pass = Pass { problem: problem_of(prepared), memory, fallback: &own, x_bounds };
+        let found = pass.find(y, missing, &mut out);
         match &mut self.bound {
             None => {
                 pass.hand_out(&found, &mut out, |_, _| {});
             }
             Some(bound) => *error_bound = Some(bounded(design, bound, &mut pass, &found, &mut out)),
         }
+        if self.first.is_some() {
+            self.goes_on = self.memory.goes_on(problem_of(prepared), &found.solution);
+        }
         let WindowSolution { status, cost, active, iterations, .. } = found.solution;
         (estimate.cost, estimate.status) = (cost, status);
         (estimate.active, estimate.iterations) = (active, iterations);
         self.t += 1;
         self.note(design, y);
-        if self.start == Start::Unknown && self.t == layout.depth {
+        if self.memory.since() == layout.depth {
             smooth(&design.ground.shared(), &mut self.memory, &self.estimate.window);
         }
         &self.estimate
@@ -370,6 +293,13 @@ impl Run {
             self.doubts.note(own, known, &self.estimate.x, self.t);
         }
     }
+}
+
+/// Bounds row by row, of as many states as a window has that was cut short.
+fn newest_rows(bounds: Limits<'_>, layout: Layout) -> Limits<'_> {
+    let rows = bounds.lo.len();
+    let first = if rows > layout.n { rows.saturating_sub(layout.states_len()) } else { 0 };
+    Limits { lo: &bounds.lo[first..], hi: &bounds.hi[first..] }
 }
 
 /// Room for the windows of another depth.

@@ -10,7 +10,7 @@ use crate::error::Error;
 use crate::estimate::Estimate;
 use crate::history::History;
 use crate::mhe::DdMhe;
-use crate::run::Saved;
+use crate::saved::Saved;
 use serde::{Deserialize, Serialize};
 
 pub use ddmhe_interval::blob::{Kind, from_bytes, to_bytes};

@@ -99,7 +99,8 @@ impl Fold {
 
     fn score(&self, config: &Config, stopped: &AtomicBool) -> Option<Score> {
         let mut config = config.clone();
-        config.x_prior = (config.start == Start::State).then(|| self.x_prior.clone());
+        config.x_prior =
+            (config.resolved(config.start, true) == Start::State).then(|| self.x_prior.clone());
         let mut mhe = DdMhe::new(&self.history, config).ok()?;
         let spectral_radius = mhe.spectral_radius();
         let log = mhe.run_until(self.signals(), &mut || stopped.load(Ordering::Relaxed)).ok()?;

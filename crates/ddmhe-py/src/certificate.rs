@@ -1,8 +1,9 @@
 //! Certificates and disturbance sizes from Python: any object with the attributes of
 //! `ddmhe.design.Certificate`, and no others.
 
-use crate::convert::{DdmheError, Numbers, ShapeError, nearest, number, raise, shown};
+use crate::convert::{DdmheError, Numbers, ShapeError, number, raise};
 use crate::history::Channels;
+use crate::words::{nearest, quoted, shown};
 use ddmhe_core::{Certificate, Disturbance, Model, Uncertainty};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -109,7 +110,8 @@ impl<'py> Attributes<'_, 'py> {
             let name: String = name.extract()?;
             if !name.starts_with('_') && !FIELDS.contains(&name.as_str()) {
                 let near = nearest(self.0.py(), &name, &FIELDS)?;
-                let found = format!("a ddmhe.design.Certificate, found one with {name:?}{near}");
+                let found =
+                    format!("a ddmhe.design.Certificate, found one with {}{near}", quoted(&name));
                 return Err(wrong(&found));
             }
         }

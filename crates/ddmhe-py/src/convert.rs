@@ -1,5 +1,6 @@
 //! Arrays in, errors out: the border between NumPy and the core.
 
+use crate::words::{kind, said, shown};
 use ddmhe_core::{Bounds, Error};
 use numpy::ndarray::Dimension;
 use numpy::{
@@ -86,7 +87,7 @@ impl Numbers {
     pub fn measured(argument: &str, value: &Bound<'_, PyAny>) -> PyResult<Self> {
         let wrong = |found: String| not_real(argument, &found);
         let (plain, mask) =
-            without_mask(value).map_err(|e| wrong(one_line(&e.value(value.py()).to_string())))?;
+            without_mask(value).map_err(|e| wrong(said(&e.value(value.py()).to_string())))?;
         let kind: String = plain.getattr("dtype")?.getattr("kind")?.extract()?;
         if kind == "O" {
             return Numbers::of_objects(argument, &plain, mask.as_ref());
@@ -96,7 +97,7 @@ impl Numbers {
             return Err(wrong(if text {
                 "str".into()
             } else {
-                format!("one of type {}", plain.getattr("dtype")?)
+                format!("one of type {}", said(&plain.getattr("dtype")?.to_string()))
             }));
         }
         let array: PyArrayLikeDyn<'_, f64, AllowTypeChange> =
@@ -216,24 +217,6 @@ fn is_missing(item: &Bound<'_, PyAny>) -> PyResult<bool> {
     Ok(item.is_none() || ["NAType", "MaskedConstant"].iter().any(|other| name == *other))
 }
 
-/// What was given, short and in one line.
-pub fn shown(value: &Bound<'_, PyAny>) -> String {
-    let text =
-        value.repr().map_or_else(|_| "one that cannot be printed".into(), |text| text.to_string());
-    let text = one_line(&text);
-    if text.chars().count() <= LONGEST {
-        return text;
-    }
-    format!("{}… (a {})", text.chars().take(LONGEST).collect::<String>(), value.get_type())
-}
-
-/// Characters of what was given that a message shows.
-const LONGEST: usize = 60;
-
-fn one_line(text: &str) -> String {
-    text.split_whitespace().collect::<Vec<_>>().join(" ")
-}
-
 fn described(shape: &[usize]) -> String {
     match shape {
         [] => "a single number".into(),
@@ -343,7 +326,7 @@ pub fn writable<'py, D: Dimension>(
     let kind = || {
         value
             .getattr("dtype")
-            .map_or_else(|_| value.get_type().to_string(), |d| format!("one of type {d}"))
+            .map_or_else(|_| kind(value), |d| format!("one of type {}", said(&d.to_string())))
     };
     let array = value.cast::<PyArray<f64, D>>().map_err(|_| wrong(kind()))?;
     if array.shape() != shape {
@@ -399,13 +382,6 @@ pub fn text(argument: &str, value: &Bound<'_, PyAny>) -> PyResult<String> {
     let wrong =
         || DdmheError::new_err(format!("{argument}: expected a text, found {}", shown(value)));
     value.extract().map_err(|_| wrong())
-}
-
-/// The known name that was most likely meant, as the end of a message.
-pub fn nearest(py: Python<'_>, name: &str, known: &[&str]) -> PyResult<String> {
-    let matches = py.import("difflib")?.call_method1("get_close_matches", (name, known, 1))?;
-    let matches: Vec<String> = matches.extract()?;
-    Ok(matches.first().map_or(String::new(), |near| format!("; did you mean {near:?}?")))
 }
 
 /// Python's True and False and NumPy's.

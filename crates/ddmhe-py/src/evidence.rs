@@ -81,6 +81,18 @@ impl Evidence {
         PyArray1::from_slice(py, &self.core.stuck)
     }
 
+    /// Whether each entry of the newest output was rejected (p,): it counts as not measured.
+    #[getter]
+    fn gated<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<bool>> {
+        PyArray1::from_slice(py, &self.core.gated)
+    }
+
+    /// Whether the run started again with the newest output, because the state has jumped.
+    #[getter]
+    fn restarted(&self) -> bool {
+        self.core.restarted
+    }
+
     fn __repr__(&self) -> String {
         let e = &self.core;
         format!("Evidence(kind='{}', value={:.4}, limit={:.4})", kind(e.kind), e.value, e.limit)
@@ -109,6 +121,12 @@ pub struct EvidenceLog {
     /// Whether each output repeats one value longer than it ever did in the recording (N, p).
     #[pyo3(get)]
     stuck: Py<PyArray2<bool>>,
+    /// Whether each entry of an output was rejected (N, p).
+    #[pyo3(get)]
+    gated: Py<PyArray2<bool>>,
+    /// Whether the run started again with that output, because the state has jumped (N,).
+    #[pyo3(get)]
+    restarted: Py<PyArray1<bool>>,
     #[pyo3(get)]
     _covariance: Py<PyArray3<f64>>,
     #[pyo3(get)]
@@ -122,9 +140,8 @@ type Columns<'py> = (
     Bound<'py, PyArray1<f64>>,
     Bound<'py, PyArray2<f64>>,
     Bound<'py, PyArray2<f64>>,
-    Bound<'py, PyArray2<bool>>,
-    Bound<'py, PyArray3<f64>>,
-    Bound<'py, PyArray1<u8>>,
+    (Bound<'py, PyArray2<bool>>, Bound<'py, PyArray2<bool>>, Bound<'py, PyArray1<bool>>),
+    (Bound<'py, PyArray3<f64>>, Bound<'py, PyArray1<u8>>),
 );
 
 impl EvidenceLog {
@@ -138,6 +155,8 @@ impl EvidenceLog {
             innovation: array2(py, log.innovation, p)?.unbind(),
             innovation_std: array2(py, deviations(&log.innovation_variance), p)?.unbind(),
             stuck: PyArray1::from_vec(py, log.stuck).reshape([steps, p])?.unbind(),
+            gated: PyArray1::from_vec(py, log.gated).reshape([steps, p])?.unbind(),
+            restarted: PyArray1::from_vec(py, log.restarted).unbind(),
             _covariance: covariance.unbind(),
             _reasons: PyArray1::from_vec(py, log.reasons).unbind(),
         })
@@ -163,9 +182,12 @@ impl EvidenceLog {
             self.limit.bind(py).clone(),
             self.innovation.bind(py).clone(),
             self.innovation_std.bind(py).clone(),
-            self.stuck.bind(py).clone(),
-            self._covariance.bind(py).clone(),
-            self._reasons.bind(py).clone(),
+            (
+                self.stuck.bind(py).clone(),
+                self.gated.bind(py).clone(),
+                self.restarted.bind(py).clone(),
+            ),
+            (self._covariance.bind(py).clone(), self._reasons.bind(py).clone()),
         );
         Ok((py.get_type::<Self>().getattr("_of")?, columns))
     }
@@ -174,11 +196,12 @@ impl EvidenceLog {
     #[classmethod]
     #[pyo3(signature = (*columns))]
     fn _of(_cls: &Bound<'_, PyType>, columns: &Bound<'_, PyTuple>) -> PyResult<Self> {
-        let (kind, value, limit, innovation, innovation_std, stuck, covariance, reasons): Columns<
-            '_,
-        > = columns.extract().map_err(|_| {
+        let columns: Columns<'_> = columns.extract().map_err(|_| {
             DdmheError::new_err("columns: expected those of an EvidenceLog, found others")
         })?;
+        let (kind, value, limit, innovation, innovation_std, doubted, reasons) = columns;
+        let (stuck, gated, restarted) = doubted;
+        let (covariance, reasons) = reasons;
         Ok(EvidenceLog {
             kind,
             value: value.unbind(),
@@ -186,6 +209,8 @@ impl EvidenceLog {
             innovation: innovation.unbind(),
             innovation_std: innovation_std.unbind(),
             stuck: stuck.unbind(),
+            gated: gated.unbind(),
+            restarted: restarted.unbind(),
             _covariance: covariance.unbind(),
             _reasons: reasons.unbind(),
         })

@@ -2,6 +2,7 @@
 
 use crate::convert::{DdmheError, Numbers, ShapeError, array1, array2, number, raise, whole_from};
 use crate::pickle::{Made, bytes, made};
+use crate::words::{kind, shown};
 use ddmhe_core::snapshot::{Kind, from_bytes, to_bytes};
 use numpy::{PyArray1, PyArray2};
 use pyo3::prelude::*;
@@ -49,7 +50,7 @@ impl History {
     /// The History behind a Python argument.
     pub fn cast<'a>(argument: &str, value: &'a Bound<'_, PyAny>) -> PyResult<&'a Self> {
         let wrong = |_| {
-            let found = value.get_type();
+            let found = kind(value);
             DdmheError::new_err(format!("{argument}: expected a History, found {found}"))
         };
         Ok(value.cast::<Self>().map_err(wrong)?.get())
@@ -110,7 +111,7 @@ impl History {
         let wrong = |_| {
             ShapeError::new_err(format!(
                 "histories: expected a list of History, found {}",
-                histories.get_type()
+                kind(histories)
             ))
         };
         for item in histories.try_iter().map_err(wrong)? {
@@ -118,7 +119,7 @@ impl History {
             let history = item.cast::<History>().map_err(|_| {
                 ShapeError::new_err(format!(
                     "histories: expected a list of History, found {}",
-                    item.get_type()
+                    kind(&item)
                 ))
             })?;
             cores.push(history.get().core.clone());
@@ -254,7 +255,8 @@ fn units(argument: &str, value: Option<&Bound<'_, PyAny>>) -> PyResult<Vec<Strin
     value.extract::<Vec<Option<String>>>().map_or_else(
         |_| {
             Err(DdmheError::new_err(format!(
-                "{argument}: expected a string or a list of strings, found {value}"
+                "{argument}: expected a string or a list of strings, found {}",
+                shown(value)
             )))
         },
         |names| Ok(names.into_iter().map(Option::unwrap_or_default).collect()),

@@ -16,6 +16,7 @@ mod settings;
 mod signals;
 mod spaces;
 mod validation;
+mod words;
 
 use pyo3::prelude::*;
 

@@ -5,6 +5,7 @@ use crate::history::History;
 use crate::log::Log;
 use crate::mhe::{DdMhe, inputs};
 use crate::signals::Signals;
+use crate::words::kind;
 use ddmhe_core::Config;
 use pyo3::prelude::*;
 
@@ -110,7 +111,7 @@ fn run_each(
         let estimator = item.cast::<DdMhe>().map_err(|_| {
             DdmheError::new_err(format!(
                 "estimators: expected DdMhe or History, the same throughout, found {} at {k}",
-                item.get_type()
+                kind(item)
             ))
         })?;
         borrowed.push(estimator.get().core().map_err(|_| in_use(k))?);
@@ -156,9 +157,8 @@ fn items<'py>(
     expected: &str,
     value: &Bound<'py, PyAny>,
 ) -> PyResult<Vec<Bound<'py, PyAny>>> {
-    let wrong = |_| {
-        DdmheError::new_err(format!("{argument}: expected {expected}, found {}", value.get_type()))
-    };
+    let wrong =
+        |_| DdmheError::new_err(format!("{argument}: expected {expected}, found {}", kind(value)));
     value.try_iter().map_err(wrong)?.collect()
 }
 

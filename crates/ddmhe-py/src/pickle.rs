@@ -1,6 +1,7 @@
 //! What pickle and copy make objects from: a blob with a checksum, see `ddmhe_core::snapshot`.
 
 use crate::convert::DdmheError;
+use crate::words::kind;
 use pyo3::PyTypeInfo;
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
@@ -18,7 +19,7 @@ pub fn bytes<'a>(blob: &'a Bound<'_, PyAny>) -> PyResult<&'a [u8]> {
     let wrong = |_| {
         DdmheError::new_err(format!(
             "blob: expected bytes, as they were made, found {}",
-            blob.get_type()
+            kind(blob)
         ))
     };
     Ok(blob.cast::<PyBytes>().map_err(wrong)?.as_bytes())

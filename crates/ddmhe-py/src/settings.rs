@@ -6,21 +6,23 @@
 
 use crate::certificate;
 use crate::convert::{
-    DdmheError, Numbers, ShapeError, flag, nearest, number, pair, raise, shown, side, text, tuple,
-    whole,
+    DdmheError, Numbers, ShapeError, flag, number, pair, raise, side, text, tuple, whole,
 };
 use crate::history::{Channels, History};
 use crate::spaces;
-use ddmhe_core::{Bounds, Center, Config, Equilibrium, ProcessNoise, Soft, Start, Weighting};
+use crate::words::{nearest, quoted, shown};
+use ddmhe_core::{
+    Bounds, Center, Config, Equilibrium, Gate, ProcessNoise, Soft, Start, Stuck, Weighting,
+};
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
-use pyo3::types::{PyDict, PyDictMethods, PyTuple};
+use pyo3::types::{PyBool, PyDict, PyDictMethods, PyTuple};
 
 /// What makes a value part of a `Config`.
 type Read = fn(&mut Config, &Given<'_, '_>) -> PyResult<()>;
 
 /// Every setting by its name, in the order of `DdMhe`'s arguments, in which they are read.
-const TABLE: [(&str, Read); 20] = [
+const TABLE: [(&str, Read); 22] = [
     ("horizon", |c, v| put(&mut c.horizon, whole(v.name, v.value))),
     ("rho", |c, v| put(&mut c.rho, number(v.name, v.value))),
     ("mu", |c, v| put(&mut c.mu, number(v.name, v.value))),
@@ -41,6 +43,8 @@ const TABLE: [(&str, Read); 20] = [
     ("output_noise", |c, v| put(&mut c.output_noise, v.deviations(v.p()))),
     ("drift", |c, v| put(&mut c.drift, v.covariance())),
     ("evidence", |c, v| set(&mut c.evidence, flag(v.name, v.value))),
+    ("gate", |c, v| set(&mut c.gate, v.gate())),
+    ("stuck", |c, v| set(&mut c.stuck, v.choice(&STUCK))),
 ];
 
 /// Settings that may be given by their place; those behind them need their names.
@@ -61,8 +65,14 @@ const PROCESS_NOISE: [(&str, ProcessNoise); 3] = [
     ("residual", ProcessNoise::Residual),
 ];
 
-const STARTS: [(&str, Start); 3] =
-    [("recording", Start::Recording), ("state", Start::State), ("unknown", Start::Unknown)];
+const STARTS: [(&str, Start); 4] = [
+    ("auto", Start::Auto),
+    ("recording", Start::Recording),
+    ("state", Start::State),
+    ("unknown", Start::Unknown),
+];
+
+const STUCK: [(&str, Stuck); 2] = [("tell", Stuck::Tell), ("missing", Stuck::Missing)];
 
 fn set<T>(place: &mut T, value: PyResult<T>) -> PyResult<()> {
     *place = value?;
@@ -75,9 +85,8 @@ fn put<T>(place: &mut Option<T>, value: PyResult<T>) -> PyResult<()> {
 
 /// The old name of two starts. A prior, which is read before, is the state that a run starts from.
 fn warm_start(config: &mut Config, given: &Given<'_, '_>) -> PyResult<()> {
-    if flag(given.name, given.value)? && config.x_prior.is_none() {
-        config.start = Start::Recording;
-    }
+    let goes_on = flag(given.name, given.value)? && config.x_prior.is_none();
+    config.start = if goes_on { Start::Recording } else { Start::State };
     Ok(())
 }
 
@@ -152,6 +161,20 @@ impl<'py> Given<'_, 'py> {
         Ok(Q)
     }
 
+    /// "auto" (or True), or a number of deviations.
+    fn gate(&self) -> PyResult<Gate> {
+        match self.value.extract::<bool>() {
+            Ok(yes) if self.value.is_instance_of::<PyBool>() => {
+                return Ok(if yes { Gate::Auto } else { Gate::None });
+            }
+            _ => {}
+        }
+        match self.value.extract::<String>() {
+            Ok(_) => self.choice(&[("auto", Gate::Auto)]),
+            Err(_) => number(self.name, self.value).map(Gate::At),
+        }
+    }
+
     /// A number, or one a channel.
     fn deviations(&self, channels: Option<usize>) -> PyResult<Vec<f64>> {
         match number(self.name, self.value) {
@@ -175,7 +198,8 @@ impl<'py> Given<'_, 'py> {
                 _ => {
                     let argument = self.name;
                     return Err(DdmheError::new_err(format!(
-                        "{argument}: expected prices by \"x\", \"v\" or \"w\", found {name:?}"
+                        "{argument}: expected prices by \"x\", \"v\" or \"w\", found {}",
+                        quoted(&name)
                     )));
                 }
             };
@@ -190,7 +214,7 @@ impl<'py> Given<'_, 'py> {
         let chosen = known.iter().find(|(name, _)| Some(*name) == found.as_deref());
         chosen.map(|(_, meaning)| meaning.clone()).ok_or_else(|| {
             let names: Vec<String> = known.iter().map(|(name, _)| format!("{name:?}")).collect();
-            let found = found.map_or_else(|| shown(self.value), |text| format!("{text:?}"));
+            let found = found.map_or_else(|| shown(self.value), |text| quoted(&text));
             let argument = self.name;
             DdmheError::new_err(format!("{argument}: expected {}, found {found}", either(&names)))
         })
@@ -259,6 +283,13 @@ pub fn config(settings: &Bound<'_, PyDict>, sizes: Option<Channels>) -> PyResult
     if settings.get_item("process_noise")?.is_some_and(|value| value.is_none()) {
         config.process_noise = ProcessNoise::None;
     }
+    let asked = given("start")?.is_some() && config.start == Start::Auto;
+    if asked && (!config.evidence || config.disturbance.is_some()) {
+        let found = if config.evidence { "disturbance beside it" } else { "evidence=False" };
+        return Err(DdmheError::new_err(format!(
+            "start: expected evidence and no disturbance beside \"auto\", found {found}"
+        )));
+    }
     Ok(config)
 }
 
@@ -276,7 +307,7 @@ fn unknown(settings: &Bound<'_, PyDict>) -> PyResult<Option<String>> {
         let name = text("settings", &key)?;
         if !TABLE.iter().any(|(known, _)| *known == name) {
             let near = nearest(settings.py(), &name, TABLE.map(|(known, _)| known).as_slice())?;
-            return Ok(Some(format!("expected a setting of DdMhe, found {name:?}{near}")));
+            return Ok(Some(format!("expected a setting of DdMhe, found {}{near}", quoted(&name))));
         }
     }
     Ok(None)

@@ -1,6 +1,7 @@
 //! `ddmhe.Exact`, `ddmhe.Truncated`, `ddmhe.Ridge`.
 
-use crate::convert::{DdmheError, flag, number, shown, whole};
+use crate::convert::{DdmheError, flag, number, whole};
+use crate::words::shown;
 use ddmhe_core::Space;
 use pyo3::IntoPyObjectExt;
 use pyo3::prelude::*;

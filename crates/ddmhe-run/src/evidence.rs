@@ -117,6 +117,10 @@ pub struct Evidence<'a> {
     pub repeats: &'a [f64],
     /// From how many on it counts as stuck (p).
     pub patience: &'a [f64],
+    /// Above 0: this entry of the newest output was rejected (p); empty where none is doubted.
+    pub gated: &'a [f64],
+    /// Whether the run started again with the newest output.
+    pub restarted: bool,
 }
 
 /// What the solution of one window tells.

@@ -1,10 +1,12 @@
 //! What a step tells the witness of its estimates.
 
-use crate::evidence::{Evidence, OfDepth, OfPlan};
+use crate::evidence::{Evidence, OfDepth, OfPlan, Rule};
 use crate::kalman::Kalman;
 use crate::memory::{FilterStep, Judged, Memory, Told};
 use crate::plan::common::Shared;
 use crate::problem::{WindowProblem, WindowSolution};
+use crate::sliding::SlidingBuffer;
+use crate::status::Status;
 use crate::tol;
 
 /// The newest estimate and output, as they came and went.
@@ -29,6 +31,63 @@ impl<B: AsRef<[f64]> + AsMut<[f64]>> Memory<B> {
         }
     }
 
+    /// Takes note of y(t-1) as it came.
+    #[inline(always)]
+    pub(crate) fn note_output(&mut self, y: &[f64]) {
+        self.witness.note(self.block.as_mut(), y);
+    }
+
+    /// Σ of the states that are kept after a restart with so many outputs: of the recording's filter
+    /// it is followed through all but the newest, which is judged with the others.
+    pub(crate) fn restart_evidence(&mut self, shared: &Shared<'_>, kept: usize) {
+        let Some(known) = &shared.evidence else { return };
+        let block = self.block.as_mut();
+        self.witness.restart(block, known, (kept, shared.s_x));
+        let Some(kalman) = &shared.kalman else { return };
+        for k in (2..=kept).rev() {
+            let of = |at: SlidingBuffer| {
+                let from = at.last(k.min(at.len)).start;
+                from..from + at.width
+            };
+            let step = FilterStep {
+                model: &kalman.model,
+                scales: [shared.s_x, shared.s_y],
+                at: [of(self.states), of(self.outputs), of(self.inputs)],
+                losses: None,
+                opening: true,
+            };
+            self.witness.follow(self.block.as_mut(), known, &step);
+        }
+    }
+
+    /// Whether the newest window is one of a run that goes on from the recording's end.
+    #[inline(never)]
+    pub fn goes_on(&self, problem: &WindowProblem<'_>, found: &WindowSolution) -> bool {
+        let (Some(plan), Some(own)) = (&problem.shared.evidence, &problem.evidence) else {
+            return true;
+        };
+        let evidence = self.witness.evidence(self.block.as_ref(), plan);
+        let innovations = evidence.innovation.iter().map(|nu| nu * nu);
+        let (novel, far) = if plan.rule == Rule::Filter {
+            // a recording that shows no noise says nothing of that of later outputs
+            let silent = own.going_on.iter().any(|most| *most > 0.0);
+            let most = evidence.innovation_variance.iter().zip(own.going_on);
+            let most = most.map(|(of, least)| least.max(tol::GOES_ON * of));
+            let far = innovations.zip(most).any(|(nu, most)| nu > most);
+            (!silent && evidence.value > evidence.limit, far)
+        } else {
+            let [.., V_on, J_on] = own.levels;
+            let far = innovations.zip(own.going_on).any(|(nu, most)| nu > *most);
+            (found.minimum.value > V_on || found.cost > J_on, far)
+        };
+        // no window that goes on is within the bounds on the noise
+        let sizes = problem.shared.sizes;
+        let hard = sizes.v_bounded && !(sizes.prices.v > 0.0);
+        let excluded = hard && found.status == Status::Infeasible;
+        // a gate takes what is far for a wrong output
+        found.sound && !excluded && !novel && (!far || self.gate.is_used())
+    }
+
     /// Σ(t) and the rest of the evidence on x̂(t), before x̂(t) is among the states that are kept.
     #[inline(never)]
     pub(crate) fn judge(
@@ -39,7 +98,6 @@ impl<B: AsRef<[f64]> + AsMut<[f64]>> Memory<B> {
     ) {
         let (Some(plan), Some(own)) = (&problem.shared.evidence, &problem.evidence) else { return };
         let p = newest.y.len();
-        self.witness.note(self.block.as_mut(), newest.y);
         let window = self.outputs.last(self.depth);
         let lost = match self.missing {
             0 => 0,
@@ -81,6 +139,12 @@ impl<B: AsRef<[f64]> + AsMut<[f64]>> Memory<B> {
         (depth, x): (usize, &mut [f64]),
     ) -> Option<f64> {
         let kalman = shared.kalman.as_ref()?;
+        if shared.sizes.stuck_missing
+            && let Some(known) = &shared.evidence
+            && self.witness.will_stick(self.block.as_ref(), known, y)
+        {
+            return None;
+        }
         let usual = self.missing == 0 && self.filtering.goes_on(depth);
         if !usual {
             return None;
@@ -89,9 +153,13 @@ impl<B: AsRef<[f64]> + AsMut<[f64]>> Memory<B> {
         self.push_input(shared.input_deviations(u));
         let at = self.stretches();
         self.filtering.step_ahead(self.block.as_mut(), at, kalman, [1, 1]);
+        let far = self.gate.is_used() && self.is_doubted(shared, kalman);
         let next = self.filtering.ahead(self.block.as_ref(), self.states.width);
         // NaN where an output was not measured
-        if !next.iter().fold(true, |near, x| near & (x.abs() <= tol::MEASURABLE)) || missing > 0 {
+        if !next.iter().fold(true, |near, x| near & (x.abs() <= tol::MEASURABLE))
+            || missing > 0
+            || far
+        {
             self.outputs.retract();
             self.inputs.retract();
             self.filtering.retract();
@@ -103,6 +171,9 @@ impl<B: AsRef<[f64]> + AsMut<[f64]>> Memory<B> {
         }
         if self.depth != depth {
             self.deepen(depth);
+        }
+        if self.gate.is_used() {
+            self.believe_newest();
         }
         let cost = self.filtering.cost(self.block.as_ref(), depth);
         if shared.sizes.judged() {
@@ -138,6 +209,20 @@ impl<B: AsRef<[f64]> + AsMut<[f64]>> Memory<B> {
         self.judge_filter(shared, kalman, &told, false);
     }
 
+    /// Whether the newest output is far from what the filter says it is.
+    fn is_doubted(&mut self, shared: &Shared<'_>, kalman: &Kalman<'_>) -> bool {
+        self.innovate(shared, kalman);
+        let room = self.innovation_at();
+        self.gate.any_far(self.block.as_ref(), room)
+    }
+
+    /// The newest output is none of those.
+    fn believe_newest(&mut self) {
+        self.note_newest();
+        let room = self.innovation_at();
+        self.gate.weigh(self.block.as_mut(), room);
+    }
+
     /// With the weights of the recording.
     fn judge_filter(
         &mut self,
@@ -159,7 +244,12 @@ impl<B: AsRef<[f64]> + AsMut<[f64]>> Memory<B> {
     /// The evidence on the newest estimate; None where none is asked for.
     #[inline(always)]
     pub fn evidence<'b>(&'b self, known: &Option<OfPlan<'b>>) -> Option<Evidence<'b>> {
-        known.as_ref().map(|known| self.witness.evidence(self.block.as_ref(), known))
+        let block = self.block.as_ref();
+        known.as_ref().map(|known| Evidence {
+            gated: self.gate.gated(block),
+            restarted: self.gate.restarts(block),
+            ..self.witness.evidence(block, known)
+        })
     }
 
     /// What is saved of it: see [`resume_evidence`](Self::resume_evidence).

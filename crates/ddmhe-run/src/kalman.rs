@@ -172,11 +172,16 @@ impl<'a> Kalman<'a> {
     /// \[x̂(k+1); ν(k)\] into `out` (padded).
     #[inline(always)]
     pub fn ahead(&self, x: &[f64], y: &[f64], u: &[f64], out: &mut [f64]) {
-        self.filter.sums(0, out, |sum| {
-            sum.add(x);
-            sum.add(y);
-            sum.add(u);
-        });
+        self.filter.sums(
+            0,
+            out,
+            #[inline(always)]
+            |sum| {
+                sum.add(x);
+                sum.add(y);
+                sum.add(u);
+            },
+        );
         out.iter_mut().zip(self.offset).for_each(|(out, offset)| *out += offset);
     }
 
@@ -208,10 +213,15 @@ impl<'a> Kalman<'a> {
         for k in (0..=m).rev() {
             let predicted = if k == m { next } else { &past[k * n..(k + 1) * n] };
             let before = if k > 0 { &innovations[(k - 1) * p..k * p] } else { &[] };
-            self.smoother.sums(0, found, |sum| {
-                sum.add(lambda);
-                sum.add(before);
-            });
+            self.smoother.sums(
+                0,
+                found,
+                #[inline(always)]
+                |sum| {
+                    sum.add(lambda);
+                    sum.add(before);
+                },
+            );
             found.iter_mut().zip(predicted).for_each(|(x, predicted)| *x += predicted);
             tell(k, &found[..n], &found[n..2 * n]);
             lambda.copy_from_slice(&found[2 * n..3 * n]);

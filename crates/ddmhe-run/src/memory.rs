@@ -8,19 +8,23 @@ use crate::plan::common::{Shared, Sizes};
 use crate::problem::Scratch;
 use crate::sliding::SlidingBuffer;
 use crate::tol;
+pub use alone::Alone;
 pub(crate) use considered::FilterStep;
 use core::ops::Range;
 use filtering::Filtering;
 use forced::Forced;
+use gate::Gate;
 pub use parts::Parts;
 use room::Room;
 use stretches::{Stretches, samples};
 use witness::Witness;
 pub use witness::{Judged, Told};
 
+mod alone;
 mod considered;
 mod filtering;
 mod forced;
+mod gate;
 mod losses;
 mod parts;
 mod room;
@@ -40,9 +44,13 @@ pub struct Memory<B> {
     pub(crate) depth: usize,   // outputs in the window of this step
     pub(crate) missing: usize, // NaN among the outputs that are kept
     aside: usize,              // where the outputs are kept that were set aside
-    forced: Forced,            // where the forced motion is
+    pub(crate) forced: Forced, // where the forced motion is
     pub(crate) filtering: Filtering,
     pub(crate) witness: Witness, // what says how far to trust an estimate
+    pub(crate) gate: Gate,       // what outputs are doubted with
+    /// Outputs since the run started, or started again, from an unknown state; `usize::MAX` of one
+    /// that started from a known one.
+    pub(crate) since: usize,
     pub(crate) room: Room,
     pub(crate) scratch: usize, // where the room begins
     sides: usize,              // active bounds of the last step
@@ -54,7 +62,8 @@ pub struct Memory<B> {
 pub fn memory_len(sizes: Sizes) -> usize {
     let Sizes { n, p, horizon, .. } = sizes;
     let stretch = padded(samples(horizon) * p) + padded(samples(horizon) * n);
-    let filtering = Filtering::new(sizes, 0).end() + Witness::new(sizes, 0).end;
+    let judged = Witness::new(sizes, 0).end + Gate::new(sizes, 0).end;
+    let filtering = Filtering::new(sizes, 0).end() + judged;
     let known = padded(horizon * p) + Forced::new(sizes, 0).len() + filtering;
     stretch + known + Room::new(sizes).len(sizes)
 }
@@ -68,6 +77,7 @@ impl<B: AsRef<[f64]> + AsMut<[f64]>> Memory<B> {
         let forced = Forced::new(sizes, aside + padded(horizon * p));
         let filtering = Filtering::new(sizes, forced.end);
         let witness = Witness::new(sizes, filtering.end());
+        let gate = Gate::new(sizes, witness.end);
         let slide = |at, width| SlidingBuffer::new(at, width, samples);
         Memory {
             block,
@@ -78,10 +88,12 @@ impl<B: AsRef<[f64]> + AsMut<[f64]>> Memory<B> {
             missing: 0,
             aside,
             room: Room::new(sizes),
-            scratch: witness.end,
+            scratch: gate.end,
             forced,
             filtering,
             witness,
+            gate,
+            since: usize::MAX,
             sides: 0,
             before: 0,
             kept: Kept::default(),
@@ -94,10 +106,18 @@ impl<B: AsRef<[f64]> + AsMut<[f64]>> Memory<B> {
         self.outputs.clear();
         self.states.clear();
         self.inputs.clear();
+        self.forced.clear();
         self.filtering.clear();
         self.witness.clear();
+        self.gate.start(self.block.as_mut());
+        self.since = usize::MAX;
         (self.depth, self.missing, self.sides, self.before) = (0, 0, 0, 0);
         self.kept = Kept::default();
+    }
+
+    /// What is made once of a plan, at the start of a run: else its first step makes it.
+    pub fn prepare(&mut self, shared: &Shared<'_>) {
+        self.forced.prepare(self.block.as_mut(), shared);
     }
 
     /// Outputs that are kept.
@@ -268,7 +288,7 @@ impl<B: AsRef<[f64]> + AsMut<[f64]>> Memory<B> {
         self.count_missing();
     }
 
-    fn count_missing(&mut self) {
+    pub(crate) fn count_missing(&mut self) {
         self.filtering.doubted();
         self.missing = self.outputs().iter().filter(|y| y.is_nan()).count();
     }
@@ -382,6 +402,7 @@ impl<B: AsRef<[f64]> + AsMut<[f64]>> Memory<B> {
         let (moved, room) = room.split_at_mut(self.room.moved);
         let (smoothing, room) = room.split_at_mut(self.room.smoothing);
         let (sensitivity, room) = room.split_at_mut(self.room.sensitivity);
+        let (innovation, room) = room.split_at_mut(self.room.innovation);
         let (sides, room) = room.split_at_mut(self.room.sides);
         let (before, work) = room.split_at_mut(self.room.sides);
         let n = self.states.width;
@@ -404,6 +425,7 @@ impl<B: AsRef<[f64]> + AsMut<[f64]>> Memory<B> {
                 moved,
                 smoothing,
                 sensitivity,
+                innovation,
                 work,
             },
             working: WorkingSet {

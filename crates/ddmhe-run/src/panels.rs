@@ -10,7 +10,7 @@
 pub const WIDTH: usize = 8;
 
 /// One column of a panel.
-type Column = [f64; WIDTH];
+pub type Column = [f64; WIDTH];
 
 /// A matrix for products M x; vectors over its rows are padded to whole panels.
 #[derive(Debug, Clone, Copy)]
@@ -112,24 +112,6 @@ impl<'a> Panels<'a> {
         }
     }
 
-    /// out(k) = M [u(k); out(k-1)] from out(-1) = 0, for a matrix of one panel: its first m columns
-    /// are those of u, and as many entries of out go on as there are others.
-    #[inline(always)]
-    pub fn recursion(self, m: usize, u: &[f64], out: &mut [f64]) {
-        let (of_u, of_out) = self.data.split_at(m);
-        let mut last = [0.0; WIDTH];
-        for (u, out) in u.chunks_exact(m).zip(out.as_chunks_mut::<WIDTH>().0) {
-            let mut sum = [0.0; WIDTH];
-            for (column, u) in of_u.iter().zip(u) {
-                add(&mut sum, column, *u);
-            }
-            for (column, last) in of_out.iter().zip(last) {
-                add(&mut sum, column, last);
-            }
-            (*out, last) = (sum, sum);
-        }
-    }
-
     /// out = start + M [x; y], for few rows and many columns: four running sums a row, which need
     /// not wait for each other.
     #[inline(always)]
@@ -182,8 +164,9 @@ fn product<const SUMS: usize>(start: [f64; WIDTH], columns: &[Column], x: &[f64]
     others.iter().fold(*first, |all, sum| each(all, *sum, |a, b| a + b))
 }
 
+/// sum += column x.
 #[inline(always)]
-fn add(sum: &mut [f64; WIDTH], column: &Column, x: f64) {
+pub(crate) fn add(sum: &mut [f64; WIDTH], column: &Column, x: f64) {
     // products first, all eight: they stay whole vectors wherever this is inlined
     *sum = each(*sum, each(*column, [x; WIDTH], |value, x| value * x), |sum, part| sum + part);
 }
@@ -268,6 +251,19 @@ pub fn scaled_difference(a: &[f64], b: &[f64], c: &[f64], out: &mut [f64]) {
     }
     for (((out, a), b), c) in out.iter_mut().zip(a).zip(b).zip(c) {
         *out = (a - b) * c;
+    }
+}
+
+/// out = a + b c, entry by entry, of equally long vectors.
+#[inline(always)]
+pub fn scaled_sum(a: &[f64], b: &[f64], c: &[f64], out: &mut [f64]) {
+    let (a_8, b_8, c_8) = (a.as_chunks::<WIDTH>(), b.as_chunks::<WIDTH>(), c.as_chunks::<WIDTH>());
+    let (out_8, rest) = out.as_chunks_mut::<WIDTH>();
+    for (((out, a), b), c) in out_8.iter_mut().zip(a_8.0).zip(b_8.0).zip(c_8.0) {
+        *out = each(*a, each(*b, *c, |b, c| b * c), |a, part| a + part);
+    }
+    for (((out, a), b), c) in rest.iter_mut().zip(a_8.1).zip(b_8.1).zip(c_8.1) {
+        *out = a + b * c;
     }
 }
 

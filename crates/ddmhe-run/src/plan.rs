@@ -21,6 +21,6 @@ pub mod depth;
 pub mod span;
 
 pub use bytes::{Aligned, Plan, PlanError, seal};
-pub use common::{Common, Limits, Margin, Shared, Sizes};
+pub use common::{Begin, Common, Limits, Margin, Shared, Sizes};
 pub use depth::{Depth, Kind, kept_depths};
 pub use span::Span;

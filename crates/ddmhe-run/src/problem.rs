@@ -69,6 +69,8 @@ pub struct Scratch<'a> {
     pub smoothing: &'a mut [f64],
     /// For the maps of a window with lost outputs: see [`evidence`](crate::evidence).
     pub sensitivity: &'a mut [f64],
+    /// Innovations of the newest output and their variances (p each), where outputs are doubted.
+    pub innovation: &'a mut [f64],
     /// Of the active-set method.
     pub work: &'a mut [f64],
 }

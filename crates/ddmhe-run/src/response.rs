@@ -12,7 +12,7 @@
 //! there were no input, and adds x_f to the states. x_f(0) = 0: the prior is that of the free
 //! motion.
 
-use crate::panels::{Panels, WIDTH, padded, panels_len};
+use crate::panels::{Panels, panels_len};
 
 /// Sizes of a response.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -37,12 +37,6 @@ impl ResponseSizes {
     pub fn panels_len(self) -> usize {
         if self.m == 0 { 0 } else { panels_len(self.n + self.p, self.regressors()) }
     }
-
-    /// Numbers from one instant of a forced motion to the next.
-    #[inline(always)]
-    pub fn stride(self) -> usize {
-        padded(self.n + self.p)
-    }
 }
 
 /// Θ, all in scaled units.
@@ -59,38 +53,50 @@ impl<'a> Response<'a> {
         Response { sizes, theta: Panels::new(sizes.regressors(), theta) }
     }
 
-    /// The forced motion of scaled inputs u (depth·m): for each instant k in turn \[x_f(k+1);
-    /// y_f(k)\], [`ResponseSizes::stride`] numbers apart. x_f(0) = 0 is not written.
+    /// The forced motion of scaled inputs u (depth·m): x_f(1) … x_f(depth) and y_f(0) …
+    /// y_f(depth-1), time-major. `room` is for n + p numbers, padded.
     #[inline(always)]
-    pub fn forced(&self, u: &[f64], motion: &mut [f64]) {
+    pub fn forced(&self, u: &[f64], x: &mut [f64], y: &mut [f64], room: &mut [f64]) {
         let ResponseSizes { n, p, m, lag } = self.sizes;
-        let stride = self.sizes.stride();
-        if lag == 1 && stride == WIDTH {
-            return self.theta.recursion(m, u, motion);
-        }
-        for (k, inputs) in u.chunks_exact(m).enumerate() {
-            let (before, now) = motion.split_at_mut(k * stride);
+        for (k, now) in u.chunks_exact(m).enumerate() {
             let oldest = k.min(lag - 1);
             let first = self.sizes.regressors() - (m + n) - oldest * (n + p + m);
-            self.theta.sums(first, &mut now[..stride], |sum| {
-                for j in k - oldest..k {
-                    sum.skip(if j == 0 { n } else { 0 });
-                    sum.add(state(before, stride, j, n));
-                    sum.add(&before[j * stride + n..j * stride + n + p]);
-                    sum.add(&u[j * m..(j + 1) * m]);
-                }
-                sum.add(inputs);
-                sum.add(state(before, stride, k, n));
-            });
+            self.theta.sums(
+                first,
+                room,
+                #[inline(always)]
+                |sum| {
+                    for j in k - oldest..k {
+                        sum.skip(if j == 0 { n } else { 0 });
+                        sum.add(state(x, j, n));
+                        sum.add(&y[j * p..(j + 1) * p]);
+                        sum.add(&u[j * m..(j + 1) * m]);
+                    }
+                    sum.add(now);
+                    sum.add(state(x, k, n));
+                },
+            );
+            x[k * n..(k + 1) * n].copy_from_slice(&room[..n]);
+            y[k * p..(k + 1) * p].copy_from_slice(&room[n..n + p]);
         }
+    }
+
+    /// One instant after others: \[x; y\] into `out` (padded), of L-1 instants \[x; y; u\], oldest
+    /// first, and of the newest u and x.
+    pub(crate) fn next(&self, before: &[f64], u: &[f64], x: &[f64], out: &mut [f64]) {
+        self.theta.sums(0, out, |sum| {
+            sum.add(before);
+            sum.add(u);
+            sum.add(x);
+        });
     }
 }
 
 /// x_f(k), or nothing for x_f(0) = 0.
 #[inline(always)]
-fn state(motion: &[f64], stride: usize, k: usize, n: usize) -> &[f64] {
+fn state(x: &[f64], k: usize, n: usize) -> &[f64] {
     match k.checked_sub(1) {
-        Some(before) => &motion[before * stride..before * stride + n],
+        Some(before) => &x[before * n..k * n],
         None => &[],
     }
 }

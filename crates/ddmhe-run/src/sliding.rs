@@ -36,12 +36,25 @@ impl SlidingBuffer {
     /// Where the next sample goes.
     #[inline]
     pub fn next(&mut self, block: &mut [f64]) -> Range<usize> {
+        self.make_room(block);
+        self.len += 1;
+        self.last(1)
+    }
+
+    /// How many samples come to lie one behind the other from the next one on: at least one.
+    #[inline]
+    pub fn make_room(&mut self, block: &mut [f64]) -> usize {
         if self.start + self.len == self.samples {
             block.copy_within(self.window(), self.at);
             self.start = 0;
         }
-        self.len += 1;
-        self.last(1)
+        self.samples - self.start - self.len
+    }
+
+    /// So many samples have come to lie behind the newest, and as many are forgotten.
+    #[inline]
+    pub fn move_on(&mut self, samples: usize) {
+        self.start += samples;
     }
 
     /// Forgets the oldest sample.
@@ -54,6 +67,12 @@ impl SlidingBuffer {
     /// Forgets the newest sample.
     pub fn retract(&mut self) {
         self.len = self.len.saturating_sub(1);
+    }
+
+    /// Forgets all but the newest samples.
+    pub fn keep(&mut self, samples: usize) {
+        let forgotten = self.len.saturating_sub(samples);
+        (self.start, self.len) = (self.start + forgotten, self.len - forgotten);
     }
 
     /// Forgets all.

@@ -22,13 +22,11 @@
 //! *Soft bounds.* A bound with a [price](crate::prices) is left where that costs less: no output is
 //! left out for the sake of it, and no state is moved into it, whatever the status.
 
-use crate::estimate::Estimate;
-use crate::fallback::{Alone, Fallback};
+use crate::fallback::Fallback;
 use crate::judging::Newest;
 use crate::kalman::Kalman;
-use crate::memory::{Memory, Parts, memory_len};
+use crate::memory::{Memory, Parts};
 use crate::panels::Root;
-use crate::plan::bytes::{Plan, PlanError};
 use crate::plan::common::{Limits, Shared};
 use crate::problem::{Data, Fit, WindowProblem, WindowSolution};
 use crate::status::Status;
@@ -79,15 +77,28 @@ pub struct Pass<'a, B, F> {
 }
 
 impl<B: AsRef<[f64]> + AsMut<[f64]>, F: Fallback> Pass<'_, B, F> {
-    /// Takes y(t-1), NaN where not measured, and u(t-1) into the window and finds its minimiser;
-    /// states and noise are in the answer then.
+    /// Takes y(t-1), NaN where not measured, and u(t-1) into the window. Returns how many entries
+    /// of y cannot be used. What of them cannot be right is for [`doubt_newest`](Self::doubt_newest)
+    /// to find.
     #[inline(always)]
-    pub fn consume(&mut self, y: &[f64], u: &[f64], out: &mut Answer<'_>) -> Found {
+    pub fn take_in(&mut self, y: &[f64], u: &[f64]) -> usize {
         let shared = &self.problem.shared;
         let missing = self.memory.push_output(shared.output_deviations(y));
+        self.memory.count_output();
         if shared.sizes.m > 0 {
             self.memory.push_input(shared.input_deviations(u));
         }
+        if shared.sizes.judged() {
+            self.memory.note_output(y);
+        }
+        self.fit_window();
+        missing
+    }
+
+    /// The window has the depth of its problem, with the forced motion in it.
+    #[inline(always)]
+    pub fn fit_window(&mut self) {
+        let shared = &self.problem.shared;
         let depth = self.problem.depth.layout.depth;
         if self.memory.depth() != depth {
             self.memory.deepen(depth);
@@ -99,6 +110,28 @@ impl<B: AsRef<[f64]> + AsMut<[f64]>, F: Fallback> Pass<'_, B, F> {
                 || memory.force(shared),
             );
         }
+    }
+
+    /// Leaves out what cannot be right of the newest output: see [`gating`](crate::gating). True:
+    /// the state has jumped, the run has started again, and the window is another problem's.
+    #[inline(always)]
+    pub fn doubt_newest(&mut self) -> bool {
+        let shared = &self.problem.shared;
+        if shared.sizes.stuck_missing {
+            self.memory.lose_stuck(shared);
+        }
+        if shared.sizes.gate > 0.0 && self.gate() {
+            self.memory.restart(shared);
+            return true;
+        }
+        false
+    }
+
+    /// Finds the minimiser of the window that y(t-1) was [taken](Self::take_in) into, `missing` of
+    /// whose entries cannot be used; states and noise are in the answer then.
+    #[inline(always)]
+    pub fn find(&mut self, y: &[f64], missing: usize, out: &mut Answer<'_>) -> Found {
+        let shared = &self.problem.shared;
         if let Some(kalman) = &shared.kalman {
             self.filter(kalman);
         }
@@ -301,130 +334,4 @@ pub fn smooth<B: AsRef<[f64]> + AsMut<[f64]>>(
     let states = window.chunks_exact(shared.sizes.n).take(memory.depth()).skip(1);
     memory.replace_past(states.flat_map(|x| shared.state_deviations(x)));
     memory.working_set().clear(); // the next window of this depth is another problem's
-}
-
-/// An estimator that runs a plan in memory of the caller's: no allocation, no standard library.
-///
-/// Where a minimiser is not certain (nearly dependent active bounds, a window that has lost nearly
-/// all outputs) there is no solver to ask, and the status is [`Status::Failed`].
-#[derive(Debug)]
-pub struct Stepper<'p, 'm> {
-    plan: &'p Plan<'p>,
-    memory: Memory<&'m mut [f64]>,
-    answer: &'m mut [f64], // x, window, v, w of the deepest window
-    problem: WindowProblem<'p>,
-    t: usize,
-}
-
-impl<'p, 'm> Stepper<'p, 'm> {
-    /// Numbers that a stepper needs for this plan.
-    pub fn room(plan: &Plan<'_>) -> usize {
-        let sizes = plan.shared().sizes;
-        let layout = sizes.layout(sizes.horizon);
-        let answer = sizes.n + layout.states_len() + layout.outputs_len();
-        memory_len(sizes) + answer + layout.disturbances_len()
-    }
-
-    /// A new run of a plan, in at least [`room`](Self::room) numbers.
-    ///
-    /// # Errors
-    /// [`PlanError::Room`] for fewer.
-    pub fn new(plan: &'p Plan<'p>, memory: &'m mut [f64]) -> Result<Self, PlanError> {
-        let sizes = plan.shared().sizes;
-        let needed = memory_len(sizes);
-        if memory.len() < Self::room(plan) {
-            return Err(PlanError::Room);
-        }
-        let (block, answer) = memory.split_at_mut(needed);
-        let first = (sizes.filled + 1).min(sizes.horizon);
-        let problem = Self::block(plan, first).ok_or(PlanError::Sizes)?;
-        let memory = Memory::new(sizes, block);
-        let mut stepper = Stepper { plan, memory, answer, problem, t: 0 };
-        stepper.reset();
-        Ok(stepper)
-    }
-
-    /// The block for this many outputs: that of an unknown start where it has one.
-    fn block(plan: &'p Plan<'p>, outputs: usize) -> Option<WindowProblem<'p>> {
-        let opening = if plan.starts_unknown() { plan.depth(outputs, true) } else { None };
-        let (depth, own) = opening.or_else(|| plan.depth(outputs, false))?;
-        Some(WindowProblem::new(plan.shared(), depth, own))
-    }
-
-    /// Back to the start of a run.
-    pub fn reset(&mut self) {
-        let shared = self.plan.shared();
-        let (n, p) = (self.plan.n(), self.plan.p());
-        self.t = 0;
-        self.memory.clear();
-        for x in shared.states.chunks_exact(n) {
-            self.memory.push_state(x.iter().copied());
-        }
-        for y in shared.outputs.chunks_exact(p) {
-            self.memory.push_output(y.iter().copied());
-        }
-        if shared.sizes.m > 0 {
-            for u in shared.inputs.chunks_exact(shared.sizes.m) {
-                self.memory.push_input(u.iter().copied());
-            }
-        }
-        let elsewhere = shared.evidence.is_some_and(|known| known.starts_elsewhere());
-        self.memory.start_evidence(&shared, self.plan.starts_unknown(), elsewhere);
-    }
-
-    /// Steps taken since the start.
-    pub fn t(&self) -> usize {
-        self.t
-    }
-
-    /// Consumes y(t-1) (p numbers, NaN = this entry was not measured) and returns the estimate
-    /// x̂(t). Whatever its status, x and the window are finite and, unless the status is optimal,
-    /// exactly inside the box on the states, if that is hard; see the head of this module for what they then are.
-    /// None for another number of entries; the estimator is then unchanged.
-    pub fn step(&mut self, y: &[f64]) -> Option<Estimate<'_>> {
-        self.step_with(y, &[])
-    }
-
-    /// [`step`](Self::step) of a system with known inputs u(t-1) (m numbers). None as well where
-    /// one is not finite, or more than 1/ε deviations from the recording.
-    pub fn step_with(&mut self, y: &[f64], u: &[f64]) -> Option<Estimate<'_>> {
-        let horizon = self.plan.horizon();
-        let (n, p) = (self.plan.n(), self.plan.p());
-        if y.len() != p || !self.problem.shared.knows(u) {
-            return None;
-        }
-        if self.memory.len() == horizon {
-            self.memory.forget(&self.problem.shared);
-        }
-        let outputs = self.memory.len() + 1;
-        if self.t < horizon {
-            self.problem = Self::block(self.plan, outputs)?;
-        } else if self.t == horizon {
-            let (depth, own) = self.plan.depth(outputs, false)?;
-            self.problem = WindowProblem::new(self.plan.shared(), depth, own);
-        }
-        let layout = self.problem.depth.layout;
-        let (x, rest) = self.answer.split_at_mut(n);
-        let (window, rest) = rest.split_at_mut((horizon + 1) * n);
-        let (v, w) = rest.split_at_mut(horizon * p);
-        let mut out = Answer {
-            x,
-            window: &mut window[..layout.states_len()],
-            v: &mut v[..layout.outputs_len()],
-            w: &mut w[..layout.disturbances_len()],
-        };
-        let memory = &mut self.memory;
-        let problem = &self.problem;
-        let mut pass = Pass { problem, memory, fallback: &Alone, x_bounds: None };
-        let found = pass.consume(y, u, &mut out);
-        pass.hand_out(&found, &mut out, |_, _| {});
-        self.t += 1;
-        if self.plan.starts_unknown() && self.t == layout.depth {
-            smooth(&self.problem.shared, &mut self.memory, out.window);
-        }
-        let WindowSolution { status, cost, active, iterations, .. } = found.solution;
-        let Answer { x, window, v, w } = out;
-        let evidence = self.memory.evidence(&self.problem.shared.evidence);
-        Some(Estimate { x, window, v, w, cost, status, active, iterations, evidence })
-    }
 }

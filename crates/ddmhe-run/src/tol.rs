@@ -68,6 +68,16 @@ pub const MEASURABLE: f64 = 1.0 / f64::EPSILON;
 /// them that it contradicts.
 pub const DOUBTS: usize = 3;
 
+/// Outputs in a row that are rejected to one side before the state is taken to have jumped.
+pub const RESTART: usize = 4;
+
+/// Largest square of an innovation, in units of its variance, that counts for what innovations are
+/// like now.
+pub const GATE_MOST: f64 = 9.0;
+
+/// Square of an innovation, in variances, that no run has which goes on from the recording's end.
+pub const GOES_ON: f64 = 25.0;
+
 /// Of the depths that a run grows through, each lacks one part in so many of the next: a half more
 /// at most. See [`kept_depths`](crate::plan::kept_depths).
 pub const DEPTHS: usize = 3;

@@ -10,9 +10,13 @@ from typing import NoReturn
 import click
 
 from ddmhe._core import DdmheError
+from ddmhe.checks import file_words, reason
 from ddmhe.cli import demo, design, estimate, interval, reproduce, tune
 
 __all__ = ["cli", "main"]
+
+LONGEST = 1000
+"""Characters of a usage error, which may quote what was typed."""
 
 
 @click.group(no_args_is_help=False, context_settings={"help_option_names": ["-h", "--help"]})
@@ -38,14 +42,15 @@ def main() -> NoReturn:
     except click.Abort:
         sys.exit(130)
     except click.UsageError as e:
-        _fail(f"{e.format_message()} (see {e.ctx.command_path if e.ctx else 'ddmhe'} --help)")
+        command = e.ctx.command_path if e.ctx else "ddmhe"
+        _fail(f"{reason(e.format_message(), LONGEST)} (see {command} --help)")
     except DdmheError as e:
         _fail(str(e))
     except OSError as e:
         place, found = e.filename or "a file", e.strerror or e
-        _fail(f"{place}: expected to be able to read or write it, found: {found}")
+        _fail(f"{file_words(place)}: expected to be able to read or write it, found: {found}")
 
 
 def _fail(message: str) -> NoReturn:
-    print("ddmhe: error:", " ".join(message.split()), file=sys.stderr)
+    print("ddmhe: error:", reason(message, None), file=sys.stderr)
     sys.exit(2)

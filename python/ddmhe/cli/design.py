@@ -9,6 +9,7 @@ import click
 from rich.console import Console
 
 from ddmhe import report
+from ddmhe.checks import word
 from ddmhe.cli.options import directory_option, log_options
 from ddmhe.cli.printing import print_written
 from ddmhe.cli.reading import print_notes, read
@@ -68,7 +69,7 @@ def command(
     console = Console()
     print_notes(console, split)
     console.print(
-        report.design(f"Design from {log.name}", split.history, model, placement, certificate)
+        report.design(f"Design from {word(log.name)}", split.history, model, placement, certificate)
     )
     for words in (placement.words, certificate.words):
         console.print(words, markup=False, highlight=False)

@@ -16,9 +16,10 @@ from rich.console import Console
 from ddmhe import report
 from ddmhe._core import DdMhe, History
 from ddmhe._core import Log as Estimates
+from ddmhe.checks import file_words, word
 from ddmhe.cli.follow import follow
 from ddmhe.cli.metadata import metadata, read_as
-from ddmhe.cli.options import deviations, log_options
+from ddmhe.cli.options import deviations, gate, log_options
 from ddmhe.cli.printing import print_written, warn
 from ddmhe.cli.reading import print_notes, read, untold
 from ddmhe.cli.telling import in_words_of
@@ -42,6 +43,8 @@ OF_ESTIMATOR = (
     "warm_start",
     "output_noise",
     "evidence",
+    "gate",
+    "stuck",
 )
 """Options that are the estimator's."""
 FIGURES = (".png", ".pdf", ".svg")
@@ -77,8 +80,8 @@ FIGURES = (".png", ".pdf", ".svg")
 @click.option(
     "--start-from",
     type=click.Choice(["auto", "recording", "state", "unknown"]),
-    help="The recording's end, a state (x_prior, or the last recorded one), or anywhere.  "
-    "[default: auto: recording]",
+    help="Where the run starts: the recording's end, a state (x_prior, or the last recorded one), "
+    "or anywhere; auto finds out whether it goes on from the recording.  [default: auto]",
 )
 @click.option(
     "--warm-start/--no-warm-start",
@@ -90,6 +93,18 @@ FIGURES = (".png", ".pdf", ".svg")
     callback=deviations,
     metavar="SD[,SD,...]",
     help="Standard deviation of the noise of later outputs.  [default: the recording's]",
+)
+@click.option(
+    "--gate",
+    callback=gate,
+    metavar="auto|K",
+    help="Reject outputs that are K deviations from what all others say they are, and start again "
+    "where the state has jumped.  [default: none]",
+)
+@click.option(
+    "--stuck",
+    type=click.Choice(["tell", "missing"]),
+    help="What becomes of an output that repeats one value too long.  [default: tell]",
 )
 @click.option(
     "--evidence/--no-evidence",
@@ -194,7 +209,9 @@ def _cut(samples: Log, split: Recorded, made: int) -> tuple[Log, Recorded]:
         parts = {name: getattr(whole, name) for name in names}
         return {name: part if part is None else part[:rows] for name, part in parts.items()}
 
-    log = replace(samples, **first(samples, ("t", "x", "y", "u", "lines", "samples"), end))
+    log = replace(
+        samples, **first(samples, ("t", "x", "y", "u", "lines", "samples", "y_lines"), end)
+    )
     parts = first(split, ("Y", "t", "x_true", "U", "stamps"), made)
     return log, replace(split, log=log, **parts)
 
@@ -205,7 +222,7 @@ def _targets(log: Path, out: Path | None, plot: Path | None) -> tuple[Path | Non
     if plot is not None and plot.suffix.lower() not in FIGURES:
         wanted = ", ".join(FIGURES)
         raise click.BadParameter(
-            f"expected a file ending in {wanted}, found {str(plot)!r}", param_hint="--plot"
+            f"expected a file ending in {wanted}, found '{file_words(plot)}'", param_hint="--plot"
         )
     if out is not None and (out.suffix == "" or out.is_dir()):
         out, plot = out / "estimate.csv", plot or out / "estimate.png"
@@ -213,7 +230,7 @@ def _targets(log: Path, out: Path | None, plot: Path | None) -> tuple[Path | Non
         check_ending(out)
         if out.exists() and log.exists() and out.samefile(log):
             raise click.BadParameter(
-                f"expected a file other than the log, found {str(out)!r}", param_hint="--out"
+                f"expected a file other than the log, found '{file_words(out)}'", param_hint="--out"
             )
     for target in (out, plot):
         if target is not None:
@@ -229,11 +246,13 @@ def _settings(from_file: dict[str, Any], given: dict[str, Any], goes_on: bool) -
     settings = named | {
         key: value for key, value in given.items() if value is not None and key != "start_from"
     }
-    if given["start_from"] not in (None, "auto"):
+    if given["start_from"] is not None:
         settings["start"] = given["start_from"]
-    if not {"start", "warm_start", "x_prior"} & set(settings):
-        # the log goes on where its history ends; where that is another log, it begins anywhere
-        settings["start"] = "recording" if goes_on else "unknown"
+    known = {"start", "warm_start", "x_prior"} & set(settings)
+    if not known and not goes_on:
+        settings["start"] = "unknown"  # another log than the recorded one begins anywhere
+    elif not known and (settings.get("evidence") is False or "disturbance" in settings):
+        settings["start"] = "recording"  # the log goes on where its history ends
     if isinstance(given["space"], str):
         settings["space"] = space_from_text(given["space"])
     return settings
@@ -245,6 +264,7 @@ def _summary(log: Log, split: Recorded, est: DdMhe, estimates: Estimates) -> Any
     filled = int(np.sum(log.lines == 0))
     rows = {"history": f"T = {split.history.T} samples of {log.dt:.4g} s"}
     rows |= {"gaps filled": f"{filled} samples"} if filled else {}
+    rows |= {f"delay of {name}": f"{seconds:.4g} s" for name, seconds in log.delay.items()}
     rows |= report.settings(est) | report.outcome(estimates.status, estimates.active)
     if estimates.bound is not None:
         rows["error bound"] = (
@@ -257,7 +277,7 @@ def _summary(log: Log, split: Recorded, est: DdMhe, estimates: Estimates) -> Any
         }
     if split.x_true is not None:
         rows |= _errors(log.names.state, split.history, estimates, split.x_true)
-    return report.table(f"Estimates of {Path(log.path).name}", {"": rows})
+    return report.table(f"Estimates of {word(Path(log.path).name)}", {"": rows})
 
 
 def _errors(
@@ -288,6 +308,7 @@ def _write(
         written += write_estimates_file(out, EstimatesFile.of(split, estimates, metadata))
     if figure is not None:
         from ddmhe.report.figures import estimate_figure
+        from ddmhe.report.style import caption
 
         log, T = split.log, len(split.log.t) - len(split.t) - 1
         figure.parent.mkdir(parents=True, exist_ok=True)
@@ -296,7 +317,7 @@ def _write(
             estimates.x,
             split.x_true,
             history=(log.t[: T + 1], log.x[: T + 1]),
-            names=log.names.state,
+            names=[caption(name) for name in log.names.state],
             quantity="state (unit of the log)",
             trust=Trust.of_log(estimates),
         )

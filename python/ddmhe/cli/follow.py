@@ -175,7 +175,7 @@ def _begun(lines: Lines, source: Iterator[str], given: dict[str, Any]) -> tuple[
     """The recording at the beginning of a stream, and where the stream goes on."""
     columns = (given["state"], given["output"], given.get("input") or ())
     known = Reading.__dataclass_fields__
-    how = Reading(**{k: given[k] for k in known} | {"missing": given["missing"] or ()})
+    how = Reading(**{k: given[k] or known[k].default for k in known})
     parts = [pick(other, columns, how) for other in given["recording"]]
     head: list[str] = []
     wanted = FIRST

@@ -13,6 +13,7 @@ from rich.progress import Progress
 
 from ddmhe import report
 from ddmhe._core import DdmheError
+from ddmhe.checks import one_line, word
 from ddmhe.cli.options import directory_option, radius, reading_options
 from ddmhe.cli.printing import print_written
 from ddmhe.cli.reading import print_notes, read
@@ -94,10 +95,10 @@ def _log(log: Path, out: Path, given: dict[str, Any]) -> None:
     console = Console()
     print_notes(console, split)
     console.print(
-        report.table(f"Intervals of {log.name}", {"": _rows(model, bounds, split, names)})
+        report.table(f"Intervals of {word(log.name)}", {"": _rows(model, bounds, split, names)})
     )
     for words in (model.words, f"verdict: {verdict.words}"):
-        console.print(words, markup=False, highlight=False, soft_wrap=True)
+        console.print(one_line(words), markup=False, highlight=False, soft_wrap=True)
     if not (verdict.useful or given["accept_wide"]):
         raise DdmheError(
             "--w-radius, --v-radius: expected bounds narrower than half of the recorded range, "
@@ -150,10 +151,12 @@ def _write(out: Path, samples: Log, split: Recorded, bounds: Any) -> list[Path]:
     """interval.csv, with empty cells where no finite bound is known, and interval.png if there is
     anything to draw."""
     from ddmhe.report.figures import intervals_figure
+    from ddmhe.report.style import caption
 
     written = [out / "interval.csv"]
     names = samples.names.state
     columns = [f"{name} {end}" for name in names for end in ("lower", "upper")]
+    columns = [name + "_" * (name == samples.names.time) for name in columns]
     values = np.stack([bounds.lower, bounds.upper], axis=2).reshape(len(bounds.lower), -1)
     values = np.where(np.isfinite(values), values, np.nan)
     report.write_estimates(written[0], samples.names.time, split.t, columns, values)
@@ -161,7 +164,7 @@ def _write(out: Path, samples: Log, split: Recorded, bounds: Any) -> list[Path]:
         drawn = np.isfinite(bounds.upper - bounds.lower).any(axis=0).all()
     if drawn:
         truth = np.full_like(bounds.lower, np.nan) if split.x_true is None else split.x_true
-        labels = [f"{name} (unit of the log)" for name in names]
+        labels = [f"{caption(name)} (unit of the log)" for name in names]
         figure = intervals_figure(
             split.t, truth, {"interval": (bounds.lower, bounds.upper)}, labels
         )

@@ -11,6 +11,7 @@ import click
 import numpy as np
 from numpy.typing import NDArray
 
+from ddmhe.checks import shown
 from ddmhe.recordings.order import DUPLICATES
 
 Array = NDArray[np.float64]
@@ -22,10 +23,15 @@ def names(ctx: click.Context, param: click.Parameter, value: str | None) -> tupl
     """Column names from a comma-separated list; a name with a comma may be quoted."""
     if value is None:  # `interval pendulum` needs none
         return ()
-    rows = list(csv.reader([value], skipinitialspace=True))
-    names = tuple(part.strip() for part in rows[0]) if len(rows) == 1 else ("",)
+    try:
+        (parts,) = (
+            csv.reader([value], skipinitialspace=True) if '"' in value else [value.split(",")]
+        )
+    except (csv.Error, ValueError):
+        parts = value.split(",")
+    names = tuple(part.strip() for part in parts)
     if "" in names:
-        raise click.BadParameter(f"expected column names separated by commas, found {value!r}")
+        raise click.BadParameter(f"expected column names separated by commas, found {shown(value)}")
     return names
 
 
@@ -37,7 +43,9 @@ def numbers(
         return None
     numbers = _parsed(value)
     if not numbers or not np.isfinite(numbers).all():
-        raise click.BadParameter(f"expected finite numbers separated by commas, found {value!r}")
+        raise click.BadParameter(
+            f"expected finite numbers separated by commas, found {shown(value)}"
+        )
     return numbers
 
 
@@ -48,7 +56,7 @@ def radius(ctx: click.Context, param: click.Parameter, value: str | None) -> Arr
     found = np.array(_parsed(value))
     if not found.size:
         raise click.BadParameter(
-            f"expected a number, or one a column parted by commas, found {value!r}"
+            f"expected a number, or one a column parted by commas, found {shown(value)}"
         )
     return found[0] if len(found) == 1 else found
 
@@ -59,6 +67,39 @@ def deviations(
     """One finite number for all columns, or one a column, separated by commas."""
     found = numbers(ctx, param, value)
     return found[0] if found is not None and len(found) == 1 else found
+
+
+def gate(ctx: click.Context, param: click.Parameter, value: str | None) -> float | str | None:
+    """A number of deviations, or "auto"."""
+    if value is None or value == "auto":
+        return value
+    try:
+        return float(value)
+    except ValueError:
+        raise click.BadParameter(f"expected auto or a number, found {value!r}") from None
+
+
+def delays(
+    ctx: click.Context, param: click.Parameter, value: str | None
+) -> float | dict[str, float] | None:
+    """Seconds for all outputs, or NAME=SECONDS parted by commas."""
+    if value is None:
+        return None
+    if "=" not in value:
+        found = _parsed(value)
+        if len(found) != 1 or not np.isfinite(found[0]):
+            raise click.BadParameter(f"expected seconds, or NAME=SECONDS, found {value!r}")
+        return found[0]
+    named: dict[str, float] = {}
+    for part in value.split(","):
+        name, _, seconds = (text.strip() for text in part.rpartition("="))
+        found = _parsed(seconds)
+        if not name or name in named or len(found) != 1 or not np.isfinite(found[0]):
+            raise click.BadParameter(
+                f"expected different NAME=SECONDS parted by commas, found {value!r}"
+            )
+        named[name] = found[0]
+    return named
 
 
 def _parsed(value: str) -> tuple[float, ...]:
@@ -120,6 +161,12 @@ _HOW_TO_READ: list[Callable[[Any], Any]] = [
         callback=names,
         metavar="C1,C2,...",
         help="Angles that jump by a turn: go on instead.",
+    ),
+    click.option(
+        "--delay",
+        callback=delays,
+        metavar="SECONDS|C1=SECONDS,...",
+        help="How late output columns are; they are moved back by it.  [default: 0]",
     ),
 ]
 """What may be said of any log."""

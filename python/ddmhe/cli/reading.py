@@ -10,9 +10,12 @@ from typing import Any
 import click
 from rich.console import Console
 
-from ddmhe._core import wrapped_angle
+from ddmhe._core import History, wrapped_angle
+from ddmhe.checks import file_words, one_line, shown, word
 from ddmhe.cli.printing import warn
+from ddmhe.cli.telling import in_words_of
 from ddmhe.recordings.csv_log import log_of
+from ddmhe.recordings.errors import Names
 from ddmhe.recordings.log import Log
 from ddmhe.recordings.oddities import far_out
 from ddmhe.recordings.options import Reading
@@ -36,13 +39,18 @@ def read(log: Path, given: dict[str, Any]) -> tuple[Log, Recorded]:
     if history is None and not recording:
         raise click.UsageError("Missing option '--history' (or '--recording').")
     options = {option.name: given.pop(option.name) for option in fields(Reading)}
-    how = Reading(**options | {"missing": options["missing"] or ()})
+    how = Reading(
+        **options | {"missing": options["missing"] or (), "delay": options["delay"] or 0.0}
+    )
     samples = log_of(log, columns, how)
     parts = [pick(source, columns, how) for source in recording]
     for one in (*parts, samples):
         for sentence in _oddities(one):
             warn(sentence)
     recorded = recorded_of(samples, parts, history, fill=gaps == "fill")
+    late = late_words(recorded.history, samples.names)
+    if late:
+        warn(f"{samples.path}: {late}")
     return recorded.log, recorded
 
 
@@ -50,34 +58,53 @@ def print_notes(console: Console, recorded: Recorded) -> None:
     """What was inferred in reading, in one line."""
     notes = "; ".join(recorded.notes)
     if notes:
-        words = f"{recorded.log.path}: {notes}"
+        words = one_line(f"{recorded.log.path}: {notes}")
         console.print(words, markup=False, highlight=False, soft_wrap=True)
+
+
+def late_words(history: History, names: Names) -> str:
+    """Which recorded outputs surely lag the recorded states or lead them, and the option that takes
+    it off; empty where none does."""
+    from ddmhe.design.delay import output_delay
+
+    found = output_delay(history)
+    option = ",".join(
+        f"{name}={d * history.dt:.4g}"
+        for name, d in zip(names.output, found.samples, strict=True)
+        if d
+    )
+    return f"{', '.join(in_words_of(names, found.words))}: --delay {option}" if option else ""
 
 
 def _oddities(log: Log) -> Iterator[str]:
     """What sits oddly in the columns of a log, in words that name the option for it."""
-    columns = dict(zip(log.names.state, log.x.T, strict=True)) | dict(
-        zip(log.names.output, log.y.T, strict=True)
-    )
+    path = file_words(log.path)
+    groups = [(log.names.state, log.x, False), (log.names.output, log.y, True)]
     if log.u is not None:
-        columns |= dict(zip(log.names.input, log.u.T, strict=True))
-    for name, values in columns.items():
+        groups.append((log.names.input, log.u, False))
+    columns = {
+        name: (values, log.output_lines[:, i] if moved else log.lines)
+        for names, group, moved in groups
+        for i, (name, values) in enumerate(zip(names, group.T, strict=True))
+    }
+    for name, (values, of_column) in columns.items():
         rows = far_out(values)
         if rows.size:
             found = [f"{v:.10g}" for v in dict.fromkeys(values[rows])]
-            lines = [str(line) for line in log.lines[rows]]
+            lines = [str(line) for line in of_column[rows]]
             yield (
-                f"{log.path}, column {name!r}: {_some(found)} in {log.place} {_some(lines)} sits "
-                "more than 50 deviations out on its own; if it says not measured: --missing "
+                f"{path}, column {shown(name)}: {_some(found)} in {log.place} {_some(lines)} "
+                "sits more than 50 deviations out on its own; if it says not measured: --missing "
                 f"{','.join(found)}"
             )
         wrapped = wrapped_angle(values)
         if wrapped is not None:
             full, row = wrapped
             yield (
-                f"{log.path}, column {name!r}, {log.place} {log.lines[row]}: looks like an angle "
-                f"that jumps by a full turn of {full:.6g}, which no linear motion does; use its "
-                f"cosine and sine as two columns, or --unwrap {name}"
+                f"{path}, column {shown(name)}, {log.place} {of_column[row]}: looks like an "
+                "angle that "
+                f"jumps by a full turn of {full:.6g}, which no linear motion does; use its cosine "
+                f"and sine as two columns, or --unwrap {word(name)}"
             )
 
 

@@ -13,6 +13,7 @@ from rich.console import Console
 from rich.progress import Progress
 
 from ddmhe import report
+from ddmhe.checks import shown
 from ddmhe.cli.options import directory_option
 from ddmhe.cli.printing import print_written
 from ddmhe.files import write_text
@@ -45,7 +46,7 @@ def command(name: str, out: Path, data: Path | None) -> None:
 
     if name not in (*EXPERIMENTS, "all", "real"):
         raise click.BadParameter(
-            f"expected one of {', '.join(EXPERIMENTS)}, all, real, found {name!r}",
+            f"expected one of {', '.join(EXPERIMENTS)}, all, real, found {shown(name)}",
             param_hint="NAME",
         )
     console = Console(width=None if sys.stdout.isatty() else 160)

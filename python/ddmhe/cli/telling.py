@@ -8,6 +8,7 @@ from collections.abc import Iterable
 import numpy as np
 from numpy.typing import NDArray
 
+from ddmhe.checks import shown
 from ddmhe.logs import Names
 
 Array = NDArray[np.float64]
@@ -27,7 +28,7 @@ def in_words_of(names: Names, warnings: Iterable[str], t: Array | None = None) -
 
     def channel(found: re.Match[str]) -> str:
         columns: tuple[str, ...] = getattr(names, found[1])
-        return f"{found[1]} {columns[int(found[2])]!r}"
+        return f"{found[1]} {shown(columns[int(found[2])])}"
 
     def since(found: re.Match[str]) -> str:
         step = int(found[1])

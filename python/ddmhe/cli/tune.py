@@ -10,6 +10,7 @@ import numpy as np
 from rich.console import Console
 
 from ddmhe import report
+from ddmhe.checks import word
 from ddmhe.cli.options import directory_option, log_options
 from ddmhe.cli.printing import print_warnings, print_written
 from ddmhe.cli.reading import print_notes, read, untold
@@ -58,7 +59,8 @@ def command(log: Path, out: Path, output_noise: float | None, rest: bool, **give
     print_notes(console, split)
     console.print(
         report.scores(
-            f"Settings for {log.name}, the ten best of {len(found.table)}", found.table.head(10)
+            f"Settings for {word(log.name)}, the ten best of {len(found.table)}",
+            found.table.head(10),
         )
     )
     names = samples.names.state

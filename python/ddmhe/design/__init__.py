@@ -9,6 +9,7 @@ from ddmhe._core import minimum_horizon
 from ddmhe.design.algorithm1 import Algorithm1, algorithm1
 from ddmhe.design.certificate import Certificate, Uncertainty
 from ddmhe.design.certify import ioss, scalar_certificate
+from ddmhe.design.delay import OutputDelay, output_delay
 from ddmhe.design.model import AffineModel, identify
 from ddmhe.design.poles import PolePlacement, pole_placement
 from ddmhe.design.regions import Cone, Disc, HalfPlane
@@ -22,6 +23,7 @@ __all__ = [
     "ConsistentSet",
     "Disc",
     "HalfPlane",
+    "OutputDelay",
     "PolePlacement",
     "RecordingNoise",
     "Uncertainty",
@@ -30,6 +32,7 @@ __all__ = [
     "identify",
     "ioss",
     "minimum_horizon",
+    "output_delay",
     "pole_placement",
     "scalar_certificate",
 ]

@@ -2,11 +2,16 @@
 verify it against zero."""
 
 __all__ = [
+    "BEYOND_ZERO",
     "CONDITION",
+    "DELAY_GAIN",
     "EPS",
+    "EQUAL",
     "ETA_MOST",
     "ETA_STEP",
     "EXACT_CHANNEL",
+    "EXPLAINED",
+    "FILTERED",
     "FULL_ROW_RANK",
     "HIDDEN",
     "INFLATIONS",
@@ -21,6 +26,10 @@ __all__ = [
     "ON_BOUNDARY",
     "PBH",
     "POSITIVE_R",
+    "READ_OUT_ROUNDING",
+    "ROUNDED_RANK",
+    "SECOND_VALLEY",
+    "SHARP",
     "SYMMETRIC",
     "TRAJECTORY",
     "UNEXPLAINED",
@@ -87,3 +96,30 @@ IN_REGION = 1e-7
 """An eigenvalue lies in a region when it leaves it by no more: the solver's own tolerance."""
 KERNEL = 1e-9
 """Singular values of C below this share of the largest are zero, whatever the standard errors."""
+
+# --- lags of outputs
+
+DELAY_GAIN = 1.5
+"""A lag leaves less unexplained than no lag by this factor: flat curves of noise differ by up to
+4, but then not in all parts of the recording."""
+EXPLAINED = 0.6
+"""No more of an output's variance is left unexplained at its lag."""
+BEYOND_ZERO = 0.8
+"""On the other side of 0 no less is left than this share of what is left at 0: a phase has a second
+valley there, a lag has none, and noise wiggles."""
+SECOND_VALLEY = 20.0
+"""Or, where the motion swings, no less than this factor of what is left at the lag: the second
+valley of a phase was up to 4 times as high as the first."""
+FILTERED = 0.6
+"""An output of which states of three samples leave less than this share of what those of one leave
+is filtered rather than late."""
+EQUAL = 1.1
+"""A lag that leaves no more than this factor of the least is as good: of these it is the nearest to
+0. Where x(k) says all of y(k+1), the next lag is as good as the true one."""
+SHARP = 1.8
+"""Beside a lag more is left by this factor. Measured outputs that follow the states by a phase had
+up to 1.7, lags 1.9 and more."""
+READ_OUT_ROUNDING = 1e-12
+"""A smaller share of an output's variance is rounding."""
+ROUNDED_RANK = 1e-12
+"""Directions of the regressors below this share of the largest are rounding."""

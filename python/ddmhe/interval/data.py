@@ -23,6 +23,7 @@ import scipy.optimize
 from numpy.typing import ArrayLike, NDArray
 
 from ddmhe._core import DdmheError, Dynamics, History, ModelViolationError, RankError, ShapeError
+from ddmhe.checks import shown, word
 from ddmhe.design.arguments import check_number
 from ddmhe.design.model import samples
 from ddmhe.interval.observer import IntervalObserver
@@ -274,13 +275,13 @@ def _admitted(argument: str, value: Any, least: Array, kappa: float, names: Sequ
         raise ShapeError(f"names: expected {len(least)} for {argument}, found {len(names)}")
     if isinstance(value, str):
         if value != "auto":
-            raise DdmheError(f'{argument}: expected "auto" or radii, found {value!r}')
+            raise DdmheError(f'{argument}: expected "auto" or radii, found {shown(value)}')
         return np.nextafter(kappa * least, np.inf)
     radius = radius_of(argument, value, len(least))
     # the same smallest radii come out to 1e-7: what the linear programme is solved to
     if (radius < (1 - TOLERANCE) * least).any():
         smallest = ", ".join(
-            f"{_rounded_up(r)} for {name}" for r, name in zip(least, names, strict=True)
+            f"{_rounded_up(r)} for {word(name)}" for r, name in zip(least, names, strict=True)
         )
         raise ModelViolationError(
             f"{argument}: expected a bound that an affine system satisfies on the recording, at "
@@ -319,11 +320,12 @@ def _extent(
                 raise ModelViolationError(
                     f"{argument}: expected a bound that an affine system satisfies on the "
                     f"recording, found {radius:g}; "
-                    f"least squares misses row {name} by up to {np.abs(residual).max() * scale:.3g}"
+                    f"least squares misses row {word(name)} by up to "
+                    f"{np.abs(residual).max() * scale:.3g}"
                 )
             if found.status != 0:
                 raise DdmheError(
-                    f"history: expected a bounded set of systems, found that row {name}: "
+                    f"history: expected a bounded set of systems, found that row {word(name)}: "
                     f"{found.message}"
                 )
             # a point with constraints kept to TOLERANCE: the optimum may lie beyond by what the

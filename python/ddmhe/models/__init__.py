@@ -14,6 +14,7 @@ from dataclasses import fields
 from typing import Any, TypeVar
 
 from ddmhe._core import DdmheError
+from ddmhe.checks import word
 from ddmhe.models.bench import SpinDown
 from ddmhe.models.planar_pendulum import Pendulum
 from ddmhe.models.recording import Recording
@@ -57,6 +58,6 @@ def _build(model: type[_M], overrides: dict[str, Any]) -> _M:
     unknown = [name for name in overrides if name not in known]
     if unknown:
         raise DdmheError(
-            f"{unknown[0]}: expected a parameter of {model.__name__}: {', '.join(known)}"
+            f"{word(unknown[0])}: expected a parameter of {model.__name__}: {', '.join(known)}"
         )
     return model(**overrides)

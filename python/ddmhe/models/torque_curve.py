@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ddmhe._core import DdmheError, ShapeError
-from ddmhe.checks import check_path
+from ddmhe.checks import check_path, file_words, reason
 from ddmhe.models.parameters import finite_numbers, set_field, shaped
 
 Array = NDArray[np.float64]
@@ -52,16 +52,15 @@ class TorqueCurve:
         try:
             table = np.genfromtxt(path, delimiter=",", names=True, encoding="utf-8")
         except (OSError, ValueError, TypeError) as e:
-            reason = " ".join(str(e).split())
             raise DdmheError(
-                f"path: expected a readable CSV file, found {str(path)!r} ({reason})"
+                f"path: expected a readable CSV file, found '{file_words(path)}' ({reason(e)})"
             ) from e
         missing = [
             c for c in ("slip_speed_rpm", "torque_N_m") if c not in (table.dtype.names or ())
         ]
         if missing:
             raise DdmheError(
-                f"path: expected columns slip_speed_rpm and torque_N_m, {str(path)!r} lacks "
+                f"path: expected columns slip_speed_rpm and torque_N_m, '{file_words(path)}' lacks "
                 f"{missing}"
             )
         return cls(table["slip_speed_rpm"] * (2 * math.pi / 60), table["torque_N_m"])

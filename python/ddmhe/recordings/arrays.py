@@ -10,7 +10,7 @@ from typing import IO, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ddmhe.checks import shown
+from ddmhe.checks import reason, shown
 from ddmhe.recordings.errors import LogError
 from ddmhe.recordings.table import Cells, Table
 
@@ -125,7 +125,7 @@ def array_table(
             if len(everything.columns[k]) != size:
                 raise LogError(
                     f"{path}: expected columns of one length, found {size} rows of "
-                    f"{known[0][0]!r} and {len(everything.columns[k])} of {name!r}"
+                    f"{known[0][0]!r} and {len(everything.columns[k])} of {shown(name)}"
                 )
     else:
         size = Counter(map(len, columns.values())).most_common(1)[0][0]
@@ -154,7 +154,7 @@ def npz_table(path: str, source: IO[bytes], asked: Sequence[str]) -> Table:
         with np.load(source, allow_pickle=False) as stored:
             arrays = {name: stored[name] for name in stored.files}
     except Exception as e:  # a damaged file makes it stumble over anything
-        raise LogError(f"{path}: expected arrays of numbers, found others ({_one_line(e)})") from e
+        raise LogError(f"{path}: expected arrays of numbers, found others ({reason(e)})") from e
     return array_table(path, flattened(arrays), asked)
 
 
@@ -163,9 +163,7 @@ def npy_table(path: str, source: Path | IO[bytes], asked: Sequence[str]) -> Tabl
     try:
         array = np.load(source, allow_pickle=False)
     except Exception as e:  # as above
-        raise LogError(
-            f"{path}: expected an array of numbers, found others ({_one_line(e)})"
-        ) from e
+        raise LogError(f"{path}: expected an array of numbers, found others ({reason(e)})") from e
     if array.dtype.names is None:
         raise LogError(
             f"{path}: expected columns with names, found a bare array of shape {array.shape}; "
@@ -182,7 +180,7 @@ def mat_table(path: str, source: Path | IO[bytes], asked: Sequence[str]) -> Tabl
         place: Any = source
         stored = loadmat(place, simplify_cells=True, appendmat=False)
     except Exception as e:  # the reader raises whatever a damaged file makes it stumble over
-        raise LogError(f"{path}: expected a whole MAT file, found another ({_one_line(e)})") from e
+        raise LogError(f"{path}: expected a whole MAT file, found another ({reason(e)})") from e
     arrays = {k: v for k, v in stored.items() if not k.startswith("__")}
     if arrays and all(np.asarray(v).dtype.kind == "O" for v in arrays.values()):
         raise LogError(
@@ -190,7 +188,3 @@ def mat_table(path: str, source: Path | IO[bytes], asked: Sequence[str]) -> Tabl
             "S = table2struct(T, 'ToScalar', true); save(file, '-struct', 'S') makes some"
         )
     return array_table(path, flattened(arrays), asked)
-
-
-def _one_line(error: Exception) -> str:
-    return " ".join(str(error).split())[:200]

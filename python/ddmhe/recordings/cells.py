@@ -42,7 +42,7 @@ def check_columns(table: Table, asked: Names) -> None:
             table.find(option, name)
             if list(group).count(name) > 1:
                 raise LogError(
-                    f"{option}: expected different columns, found {name!r} more than once"
+                    f"{option}: expected different columns, found {shown(name)} more than once"
                 )
 
 
@@ -76,7 +76,7 @@ def _of_array(table: Table, name: str, cells: NDArray[Any]) -> Array | None:
     if cells.dtype.kind in "OUS":
         return None
     raise LogError(
-        f"{table.path}, column {name!r}: expected numbers, found values of type {cells.dtype}"
+        f"{table.path}, column {shown(name)}: expected numbers, found values of type {cells.dtype}"
     )
 
 
@@ -122,6 +122,6 @@ def _wrong(table: Table, name: str, row: int, cell: Any) -> LogError:
     if isinstance(cell, str) and re.fullmatch(r"[+-]?\d+,\d+", cell):
         hint = "; --decimal , reads a decimal comma"
     return LogError(
-        f"{table.path}, {table.place} {table.places[row]}, column {name!r}: expected a finite "
+        f"{table.path}, {table.place} {table.places[row]}, column {shown(name)}: expected a finite "
         f"number, found {shown(str(cell))}{hint}"
     )

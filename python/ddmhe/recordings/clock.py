@@ -10,6 +10,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from ddmhe.checks import shown
 from ddmhe.recordings.errors import LogError
 from ddmhe.recordings.stamp_texts import stamp_texts
 from ddmhe.recordings.stamps import SINCE, Stamps
@@ -74,7 +75,7 @@ def start_of(path: str, stamps: Stamps, start: float | str) -> tuple[float, list
             found = stamp_texts([start])
         if found is None or stamps.ns is None:
             raise LogError(
-                f"start: expected a time like the log's, s or a date, found {start!r}"
+                f"start: expected a time like the log's, s or a date, found {shown(start)}"
             ) from None
         return (int(found[0]) - stamps.since) / 1e9, []
     if not stamps.since:

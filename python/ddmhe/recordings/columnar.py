@@ -8,6 +8,7 @@ from typing import IO, Any
 
 import numpy as np
 
+from ddmhe.checks import reason
 from ddmhe.recordings.errors import LogError
 from ddmhe.recordings.libraries import library
 from ddmhe.recordings.table import Cells, Table
@@ -34,8 +35,7 @@ def _read(path: str, load: Any, kind: str) -> Table:
     except LogError:
         raise
     except Exception as e:  # pyarrow has a class of error for every layer
-        words = " ".join(str(e).split())[:200]
-        raise LogError(f"{path}: expected a whole {kind} file, found another ({words})") from e
+        raise LogError(f"{path}: expected a whole {kind} file, found another ({reason(e)})") from e
 
 
 def arrow_table(path: str, table: Any) -> Table:

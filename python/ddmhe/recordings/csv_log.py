@@ -6,7 +6,7 @@ k-th whatever is lost."""
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -14,9 +14,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ddmhe.checks import check_path
+from ddmhe.checks import check_path, shown
 from ddmhe.recordings.cells import check_columns, column, words_for_nothing
 from ddmhe.recordings.clock import first_row, jitter, nominal_step, samples_of, start_of
+from ddmhe.recordings.delays import checked_delay, moved_back, whole_samples
 from ddmhe.recordings.errors import LogError, Names
 from ddmhe.recordings.log import Gap, Log
 from ddmhe.recordings.oddities import unwrapped
@@ -43,6 +44,7 @@ def read_log(
     input: Sequence[str] = (),
     missing: Sequence[float] = (),
     unwrap: Sequence[str] = (),
+    delay: float | Mapping[str, float] = 0.0,
     **how: Any,
 ) -> Log:
     """Read a log, keep samples 0, decimate, 2 decimate, … of its clock, and of these the ones
@@ -70,6 +72,12 @@ def read_log(
         Numbers that stand for "not measured" in these columns, like -9999.
     unwrap
         Columns of angles within one turn (2 pi or 360) to be made continuous.
+    delay
+        By how much the output columns are late, s: one number for all, or numbers by their names.
+        Whole samples of the file. Each output is moved back by its delay, to the row of the instant
+        that it tells of; the last rows then have outputs that were not measured. A negative one
+        moves an output ahead, and rows before the first such output are left out. A column that is
+        also a state stays in place as a state.
     how
         The other options of `read`: time_unit, dt, sep, decimal, comment, encoding, duplicates,
         sort.
@@ -80,7 +88,7 @@ def read_log(
         One sentence naming the file, and the column and line where there is one.
     """
     check_path("path", path)
-    options = Reading(time, start, decimate, missing, unwrap, **how)
+    options = Reading(time, start, decimate, missing, unwrap, delay=delay, **how)
     return log_of(path, (state, output, input), options)
 
 
@@ -139,7 +147,10 @@ def _sampled(table: Table, names: Names, stamps: Stamps, order: Order, how: Read
     path, t, decimate = table.path, stamps.t, int(how.decimate)
     step = stamps.median_step() if t.size > 1 else math.nan
     samples = samples_of(t) if t.size > 1 else np.zeros(t.size, dtype=np.int64)
-    kept = np.flatnonzero(samples % decimate == 0)
+    late = checked_delay(how.delay, names.output)
+    by = whole_samples(path, late, step, int(samples[-1])) if late else {}
+    first_sample = max(0, -min(by.values(), default=0))
+    kept = np.flatnonzero((samples % decimate == 0) & (samples >= first_sample))
     notes = [*table.notes, *order.notes, *jitter(t, step)]
     if how.start is not None:
         start, note = start_of(path, stamps, how.start)
@@ -147,21 +158,26 @@ def _sampled(table: Table, names: Names, stamps: Stamps, order: Order, how: Read
         kept = kept[first_row(path, t[kept], start) :]
     dt = nominal_step(path, t[kept], decimate * step, decimate)
 
+    def values(c: str) -> Array:
+        found = order.take(column(table, c, how.missing))
+        return unwrapped(found) if c in how.unwrap else found
+
     def columns(group: Sequence[str]) -> Array:
-        values = {c: order.take(column(table, c, how.missing)) for c in group}
-        whole = [unwrapped(v) if c in how.unwrap else v for c, v in values.items()]
-        return np.column_stack(whole)[kept]
+        return np.column_stack([values(c) for c in group])[kept]
 
     lines = table.places[order.rows]
     numbered = (samples[kept] - samples[kept[0]]) // decimate
-    x, y = columns(names.state), columns(names.output)
+    x, y, y_lines = columns(names.state), columns(names.output), None
+    if by:
+        moved = [moved_back(samples, values(c), lines, by.get(c, 0)) for c in names.output]
+        y, y_lines = (np.column_stack(part)[kept] for part in zip(*moved, strict=True))
     u = columns(names.input) if names.input else None
     every = dict.fromkeys((*names.state, *names.output, *names.input))
     units = {c: unit for c in (*every, names.time) if (unit := table.unit(c))}
     return Log(
         path, names, t[kept], x, y, dt, lines[kept], numbered,
-        _gaps(t, samples, lines, int(kept[0])), decimate, units, u, stamps.rows(kept),
-        (*notes, *_of_words(table, list(every))), table.place, table.digest,
+        _gaps(t, samples, lines, int(kept[0])), decimate, units, u, y_lines, late,
+        stamps.rows(kept), (*notes, *_of_words(table, list(every))), table.place, table.digest,
     )  # fmt: skip
 
 
@@ -189,4 +205,4 @@ def _check_unwrap(unwrap: Sequence[str], names: Names) -> None:
     known = "states, outputs or inputs" if names.input else "states or outputs"
     for name in unwrap:
         if name not in (*names.state, *names.output, *names.input):
-            raise LogError(f"unwrap: expected a column of the {known}, found {name!r}")
+            raise LogError(f"unwrap: expected a column of the {known}, found {shown(name)}")

@@ -84,7 +84,7 @@ def _stated(sep: str) -> str:
     found = words.get(sep.lower(), sep)
     if len(found) != 1 or found in '"\n\r\0' or found.isalnum():
         raise LogError(
-            f"sep: expected one character that parts cells, or tab or space, found {sep!r}"
+            f"sep: expected one character that parts cells, or tab or space, found {shown(sep)}"
         )
     return found
 
@@ -154,7 +154,7 @@ def decimal_of(
         words = {"comma": ",", "point": ".", "dot": "."}
         mark = words.get(stated.lower(), stated)
         if mark not in (",", "."):
-            raise LogError(f"decimal: expected '.' or ',', found {stated!r}")
+            raise LogError(f"decimal: expected '.' or ',', found {shown(stated)}")
         return mark, True
     commas = [
         (name, cell)
@@ -169,10 +169,10 @@ def decimal_of(
     if plain and point is None and any(not _GROUPS.match(cell.strip()) for _, cell in commas):
         return ",", False
     name, cell = commas[0]
-    beside = "" if point is None else f" beside {point[1]!r}"
+    beside = "" if point is None else f" beside {shown(point[1])}"
     raise LogError(
-        f"{path}, column {name!r}: {shown(cell)}{beside} can be read in two ways; --decimal , or "
-        "--decimal . says which mark begins the fraction"
+        f"{path}, column {shown(name)}: {shown(cell)}{beside} can be read in two ways; --decimal "
+        ", or --decimal . says which mark begins the fraction"
     )
 
 

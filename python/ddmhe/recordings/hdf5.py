@@ -9,6 +9,7 @@ from typing import IO, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ddmhe.checks import reason
 from ddmhe.recordings.arrays import array_table, flattened
 from ddmhe.recordings.errors import LogError
 from ddmhe.recordings.libraries import library
@@ -27,8 +28,7 @@ def hdf5_table(path: str, source: Path | IO[bytes], asked: Sequence[str]) -> Tab
     except LogError:
         raise
     except Exception as e:  # h5py has a class of error for every layer
-        words = " ".join(str(e).split())[:200]
-        raise LogError(f"{path}: expected a whole HDF5 file, found another ({words})") from e
+        raise LogError(f"{path}: expected a whole HDF5 file, found another ({reason(e)})") from e
     return array_table(path, flattened(arrays), asked, units)
 
 

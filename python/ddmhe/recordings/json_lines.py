@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from ddmhe.checks import shown
 from ddmhe.recordings.arrays import frame_table
 from ddmhe.recordings.errors import LogError
 from ddmhe.recordings.table import Cells, Table
@@ -43,7 +44,7 @@ def _lines(path: str, text: str) -> Iterator[tuple[int, Any]]:
                 f"{e.colno})"
             ) from None
         if not isinstance(row, Mapping):
-            raise LogError(f"{path}, line {line}: expected a JSON object, found {words[:40]!r}")
+            raise LogError(f"{path}, line {line}: expected a JSON object, found {shown(words)}")
         yield line, row
 
 

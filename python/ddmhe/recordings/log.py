@@ -95,6 +95,11 @@ class Log:
     own in its name."""
     u: Array | None = None
     """Known inputs (N, m), NaN where the file has no number; None for a log without."""
+    y_lines: NDArray[np.int64] | None = None
+    """Line of the file in which each output stands (N, p), 0 for none; None where that is the line
+    of the row, as it is without a delay."""
+    delay: Mapping[str, float] = field(default_factory=dict)
+    """By how much outputs were late, s, by the names of those that were."""
     stamps: Stamps | None = None
     """The times as the file has them (N,), digit for digit."""
     notes: tuple[str, ...] = ()
@@ -105,6 +110,13 @@ class Log:
     """SHA-256 of the file; None for frames."""
     filled: bool = False
     """Whether `fill_gaps` made it: then blank cells inside the history are bridged, too."""
+
+    @property
+    def output_lines(self) -> NDArray[np.int64]:
+        """Line of the file in which each output stands (N, p), 0 for none."""
+        if self.y_lines is not None:
+            return self.y_lines
+        return np.repeat(self.lines[:, None], self.y.shape[1], axis=1)
 
     def __len__(self) -> int:
         """Rows N."""
@@ -135,8 +147,8 @@ class Log:
                 "missing"
             )
 
-        def spread(values: Array) -> Array:
-            wide = np.full((size, values.shape[1]), np.nan)
+        def spread(values: Any, empty: float = np.nan) -> Any:
+            wide = np.full((size, values.shape[1]), empty, dtype=values.dtype)
             wide[rows] = values
             return wide
 
@@ -146,10 +158,11 @@ class Log:
         filled = np.arange(size, dtype=np.int64)
         x, y = spread(self.x), spread(self.y)
         u = None if self.u is None else spread(self.u)
+        y_lines = None if self.y_lines is None else spread(self.y_lines, 0)
         stamps = None if self.stamps is None else self.stamps.spread(rows, size)
         return replace(
             self, t=t, x=x, y=y, lines=lines, samples=filled, gaps=(), u=u, stamps=stamps,
-            filled=True,
+            filled=True, y_lines=y_lines,
         )  # fmt: skip
 
     def history_samples(self, history: float) -> int:
@@ -192,8 +205,8 @@ class Log:
                 "another start or history, or fill the gaps (--gaps fill)"
             )
         if not self.filled:
-            self._check_measured(self.x[: T + 1], self.names.state)
-            self._check_measured(self.y[:T], self.names.output)
+            self._check_measured(self.x[: T + 1], self._x_lines, self.names.state)
+            self._check_measured(self.y[:T], self.output_lines, self.names.output)
         self._check_known()
         return self._after(T, self._history(T))
 
@@ -205,8 +218,8 @@ class Log:
                 "cut the recording there, or fill the gaps (--gaps fill)"
             )
         if not self.filled:
-            self._check_measured(self.x[: T + 1], self.names.state)
-            self._check_measured(self.y[:T], self.names.output)
+            self._check_measured(self.x[: T + 1], self._x_lines, self.names.state)
+            self._check_measured(self.y[:T], self.output_lines, self.names.output)
         self._check_known()
         return self._history(T)
 
@@ -218,8 +231,8 @@ class Log:
 
     def _history(self, T: int) -> History:
         return History(
-            self._bridged(self.x, T + 1, self.names.state),
-            self._bridged(self.y, T, self.names.output),
+            self._bridged(self.x, self._x_lines, T + 1, self.names.state),
+            self._bridged(self.y, self.output_lines, T, self.names.output),
             dt=self.dt,
             x_units=[self.unit(name) for name in self.names.state],
             y_units=[self.unit(name) for name in self.names.output],
@@ -247,7 +260,8 @@ class Log:
         name = self.names.input[column]
         if self.lines[row] > 0:
             raise LogError(
-                f"{self.path}, {self.place} {self.lines[row]}, column {name!r}: expected a number "
+                f"{self.path}, {self.place} {self.lines[row]}, column {shown(name)}: expected a "
+                "number "
                 "at every sample of an input, found an empty cell, NaN or a number that stands for "
                 "not measured"
             )
@@ -255,34 +269,57 @@ class Log:
         after = row + int(np.argmax(self.lines[row:] > 0))
         raise LogError(
             f"{self.path}: gap at {self.t[before]:.10g} s ({self.place} {self.lines[before]}), "
-            f"column {name!r}: expected a number at every sample of an input, found "
+            f"column {shown(name)}: expected a number at every sample of an input, found "
             f"{after - before - 1} samples missing; write what the input was there into the file, "
             "or use another start or history"
         )
 
-    def _bridged(self, values: Array, size: int, names: Sequence[str]) -> Array:
+    @property
+    def _x_lines(self) -> NDArray[np.int64]:
+        return np.repeat(self.lines[:, None], self.x.shape[1], axis=1)
+
+    def _bridged(
+        self, values: Array, lines: NDArray[np.int64], size: int, names: Sequence[str]
+    ) -> Array:
         """Rows 0 to size-1 with filled rows and blank cells interpolated between their neighbours
-        in the log.
+        in the log; `lines` is 0 where a value was filled in.
 
         Seams between recordings would invent nothing, but they cost every window that crosses one;
         on measured pendulum logs with gaps of one or two rows interpolation was clearly better."""
-        real = np.flatnonzero(self.lines)
+        columns = []
+        for column, of_column, name in zip(values.T, lines.T, names, strict=True):
+            self._check_runs(np.flatnonzero(of_column), size)
+            columns.append(self._column_bridged(column, of_column, size, name))
+        return np.column_stack(columns)
+
+    def _check_runs(self, real: NDArray[np.intp], size: int) -> None:
+        """LogError where more than MOST_INTERPOLATED of the rows 0 to size-1 are missing in a row;
+        `real` are those that are not. Without a delay the rows around a history are in the log."""
+        if not real.size or real[-1] < size - 1 or real[0] > 0:
+            raise LogError(
+                f"history: expected outputs for all of it, found that a delay of {self._delays} "
+                f"leaves rows of {self.path} without"
+            )
         runs = np.diff(real[: np.searchsorted(real, size) + 1]) - 1
-        if runs.max() > MOST_INTERPOLATED:
+        if runs.max(initial=0) > MOST_INTERPOLATED:
             row = int(real[int(np.argmax(runs > MOST_INTERPOLATED))])
             raise LogError(
                 f"{self.path}: gap inside the history at {self.t[row]:.10g} s ({self.place} "
                 f"{self.lines[row]}): expected at most {MOST_INTERPOLATED} missing samples, found "
                 f"{runs.max()}; --start or --history choose other rows"
             )
-        columns = zip(values.T, names, strict=True)
-        return np.column_stack([self._column_bridged(c, size, name) for c, name in columns])
 
-    def _column_bridged(self, values: Array, size: int, name: str) -> Array:
+    @property
+    def _delays(self) -> str:
+        return ", ".join(f"{seconds:g} s of {shown(name)}" for name, seconds in self.delay.items())
+
+    def _column_bridged(
+        self, values: Array, lines: NDArray[np.int64], size: int, name: str
+    ) -> Array:
         """One column (N,) without its blank cells in rows 0 to size-1; LogError where there are too
         many of them."""
         known = np.isfinite(values)
-        blank = ~known[:size] & (self.lines[:size] > 0)
+        blank = ~known[:size] & (lines[:size] > 0)
         rows = np.flatnonzero(known)
         if not blank.any():
             return np.interp(np.arange(size), rows, values[rows])
@@ -293,21 +330,23 @@ class Log:
         if not begun or runs.max() > MOST_INTERPOLATED or share > MOST_BLANK:
             at = int(edges[int(np.argmax(runs > MOST_INTERPOLATED))]) + 1
             row = at if runs.max() > MOST_INTERPOLATED else int(np.argmax(blank))
-            while self.lines[row] == 0:
+            while lines[row] == 0:
                 row += 1
             raise LogError(
-                f"{self.path}, {self.place} {self.lines[row]}, column {name!r}: expected at most "
+                f"{self.path}, {self.place} {lines[row]}, column {shown(name)}: expected at most "
                 f"{MOST_INTERPOLATED} cells in a row and {MOST_BLANK:.0%} of all not measured "
                 f"inside the history, a number first and last, found up to {runs.max()} in a row, "
                 f"{share:.0%} of all; --start, --history or --decimate choose other rows"
             )
         return np.interp(np.arange(size), rows, values[rows])
 
-    def _check_measured(self, values: Array, names: Sequence[str]) -> None:
-        lacking = np.argwhere(np.isnan(values) & (self.lines[: len(values), None] > 0))
+    def _check_measured(
+        self, values: Array, lines: NDArray[np.int64], names: Sequence[str]
+    ) -> None:
+        lacking = np.argwhere(np.isnan(values) & (lines[: len(values)] > 0))
         if lacking.size:
             row, column = lacking[0]
-            where = f"{self.place} {self.lines[row]}, column {names[column]!r}"
+            where = f"{self.place} {lines[row, column]}, column {shown(names[column])}"
             raise LogError(
                 f"{self.path}, {where}: expected a number inside the history, found an empty "
                 "cell, NaN or a number that stands for not measured"

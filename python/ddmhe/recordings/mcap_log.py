@@ -12,6 +12,7 @@ from typing import IO, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ddmhe.checks import reason
 from ddmhe.recordings.errors import LogError
 from ddmhe.recordings.json_lines import table_of_objects
 from ddmhe.recordings.libraries import library
@@ -53,8 +54,7 @@ def mcap_table(path: str, source: Path | IO[bytes], asked: Sequence[str]) -> Tab
     except LogError:
         raise
     except Exception as e:  # the reader and its decoders have a class of error each
-        words = " ".join(str(e).split())[:200]
-        raise LogError(f"{path}: expected a whole MCAP file, found another ({words})") from e
+        raise LogError(f"{path}: expected a whole MCAP file, found another ({reason(e)})") from e
     tables = [_of_topic(path, topic, found) for topic, found in messages.items()]
     return tables[0] if len(tables) == 1 else _joined(tables, topics)
 

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from ddmhe.checks import check_flag, check_kind, choice, shown
+from ddmhe.checks import MOST, check_flag, check_kind, choice, shown
 from ddmhe.recordings.errors import LARGEST, LogError
 from ddmhe.recordings.order import DUPLICATES
 from ddmhe.recordings.time_units import checked_unit
@@ -33,6 +33,7 @@ class Reading:
     encoding: str | None = None
     duplicates: str = "error"
     sort: bool = False
+    delay: float | Mapping[str, float] = 0.0
 
     def __post_init__(self) -> None:
         """Each option on its own."""
@@ -54,19 +55,19 @@ class Reading:
             raise LogError(f"dt: expected a positive number of seconds, found {shown(self.dt)}")
         if self.dt is not None and (self.time is not None or self.time_unit is not None):
             raise LogError("dt: expected without time or time_unit, found both")
-        if not isinstance(self.decimate, int | np.integer) or isinstance(self.decimate, bool):
+        whole = isinstance(self.decimate, int | np.integer)
+        if not whole or isinstance(self.decimate, bool) or not 1 <= self.decimate <= MOST:
             raise LogError(
                 f"decimate: expected a whole number of at least 1, found {shown(self.decimate)}"
-            )
-        if self.decimate < 1:
-            raise LogError(
-                f"decimate: expected a whole number of at least 1, found {self.decimate}"
             )
 
 
 def is_real(value: Any) -> bool:
     """Whether a value is a real number; True is none."""
-    return isinstance(value, int | float | np.integer | np.floating) and not isinstance(value, bool)
+    number = isinstance(value, int | float | np.integer | np.floating)
+    if not number or isinstance(value, bool):
+        return False
+    return isinstance(value, float) or abs(value) <= LARGEST
 
 
 def check_texts(option: str, group: Any) -> None:

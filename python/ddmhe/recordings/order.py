@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ddmhe.checks import choice
+from ddmhe.checks import choice, shown
 from ddmhe.recordings.errors import LogError
 from ddmhe.recordings.stamps import Stamps
 from ddmhe.recordings.table import Table
@@ -97,7 +97,7 @@ def ordered(table: Table, stamps: Stamps, name: str, duplicates: str, sort: bool
 
 def _falls(table: Table, stamps: Stamps, name: str, row: int) -> LogError:
     t = stamps.t
-    place = f"{table.path}, {table.place} {table.places[row]}, column {name!r}"
+    place = f"{table.path}, {table.place} {table.places[row]}, column {shown(name)}"
     seen = f"expected a time after the {t[row - 1]:.10g} s of the {table.place} before, found "
     anew = restarts(t)
     if row in anew:
@@ -113,7 +113,8 @@ def _falls(table: Table, stamps: Stamps, name: str, row: int) -> LogError:
 def _repeats(table: Table, stamps: Stamps, name: str, every: NDArray[np.intp], k: int) -> LogError:
     row = every[k]
     return LogError(
-        f"{table.path}, {table.place} {table.places[row]}, column {name!r}: expected a time after "
+        f"{table.path}, {table.place} {table.places[row]}, column {shown(name)}: expected a time "
+        "after "
         f"the {stamps.t[row]:.10g} s of the {table.place} before, found the same; --duplicates "
         "first, last or mean says which of the rows counts"
     )

@@ -99,6 +99,7 @@ def read(
     sort: bool = False,
     gaps: str = "fill",
     unwrap: Sequence[str] = (),
+    delay: float | Mapping[str, float] = 0.0,
 ) -> Recorded:
     """Read logs: the recording to learn from, and the outputs to estimate from.
 
@@ -136,6 +137,8 @@ def read(
         Lost rows and blank cells: "fill" or "error".
     unwrap
         Columns of angles to be made continuous.
+    delay
+        By how much outputs are late, s: one number, or numbers by their names.
 
     Raises
     ------
@@ -144,7 +147,7 @@ def read(
     """
     how = Reading(
         time, start, decimate, missing, unwrap, time_unit, dt, sep, decimal, comment, encoding,
-        duplicates, sort,
+        duplicates, sort, delay,
     )  # fmt: skip
     choice("gaps", gaps, GAPS)
     sources = list(src) if isinstance(src, list | tuple) else [src]
@@ -203,6 +206,7 @@ def _first_rows(log: Log, kept: int) -> Log:
         log, t=log.t[:kept], x=log.x[:kept], y=log.y[:kept], lines=log.lines[:kept],
         samples=log.samples[:kept], gaps=tuple(gap for gap in log.gaps if gap.t < last),
         u=None if log.u is None else log.u[:kept],
+        y_lines=None if log.y_lines is None else log.y_lines[:kept],
         stamps=None if log.stamps is None else log.stamps.rows(slice(kept)),
     )  # fmt: skip
 

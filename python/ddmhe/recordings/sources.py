@@ -18,7 +18,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from ddmhe.checks import shown
+from ddmhe.checks import file_words, reason, shown
 from ddmhe.recordings.errors import LogError
 from ddmhe.recordings.libraries import library
 from ddmhe.recordings.options import Reading
@@ -73,7 +73,7 @@ class InMemory:
 def name_of(src: Any) -> str:
     """What messages call a source."""
     if isinstance(src, str | os.PathLike):
-        return "standard input" if str(src) == INPUT else str(src)
+        return "standard input" if str(src) == INPUT else file_words(src)
     return f"the {type(src).__name__}"
 
 
@@ -101,7 +101,7 @@ def table_of(src: Any, asked: Sequence[str], how: Reading) -> Table:
         table = _by_format(path, None, data, asked, how)
         return replace(table, digest=hashlib.sha256(data).hexdigest())
     place = Path(src)
-    if place.is_dir():
+    if os.path.isdir(place):
         return _folder(path, place, asked, how)
     try:
         with open(place, "rb") as file:
@@ -115,7 +115,8 @@ def table_of(src: Any, asked: Sequence[str], how: Reading) -> Table:
         raise LogError(f"{path}: expected a log file, found no such file") from None
     except OSError as e:
         raise LogError(
-            f"{path}: expected a readable log file, found that it is not ({e.strerror})"
+            f"{path}: expected a readable log file, found that it is not "
+            f"({e.strerror or reason(e)})"
         ) from e
     table = _by_format(path, place, data, asked, how)
     return replace(table, digest=digest.hexdigest())
@@ -155,7 +156,8 @@ def _by_format(
             raise
         except Exception as e:  # each library has errors of its own
             raise LogError(
-                f"{path}: expected a whole {kind} file, found one that cannot be unpacked ({e})"
+                f"{path}: expected a whole {kind} file, found one that cannot be unpacked "
+                f"({reason(e)})"
             ) from e
         return _by_format(path, None, inside, asked, how)
     if kind == "zip":
@@ -208,7 +210,7 @@ def _zip(path: str, data: bytes) -> tuple[bytes, str]:
         raise
     except Exception as e:  # a damaged file makes it stumble over anything
         raise LogError(
-            f"{path}: expected a whole zip file, found one that cannot be unpacked ({e})"
+            f"{path}: expected a whole zip file, found one that cannot be unpacked ({reason(e)})"
         ) from e
     raise LogError(f"{path}: expected a zip of one log file, found {len(names)} files")
 

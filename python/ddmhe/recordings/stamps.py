@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ddmhe.checks import shown
 from ddmhe.recordings.cells import column
 from ddmhe.recordings.errors import LogError
 from ddmhe.recordings.stamp_texts import (
@@ -129,8 +130,8 @@ def read_stamps(table: Table, name: str, unit: str | None) -> tuple[Stamps, str]
     if np.isnan(values).any():
         place = table.places[int(np.argmax(np.isnan(values)))]
         raise LogError(
-            f"{table.path}, {table.place} {place}, column {name!r}: expected a time in seconds, "
-            "found none"
+            f"{table.path}, {table.place} {place}, column {shown(name)}: expected a time in "
+            "seconds, found none"
         )
     found, how = _unit(table, name, values, unit)
     per_second = PER_SECOND[found]
@@ -159,8 +160,8 @@ def _told(table: Table, name: str, cells: Cells) -> Stamps | None:
         ns_of_texts = stamp_texts(texts)
     except Unclear:
         raise LogError(
-            f"{table.path}, column {name!r}: {texts[0]!r} may begin with the day or the month; "
-            "write dates like 2024-05-01, or give --dt SECONDS"
+            f"{table.path}, column {shown(name)}: {shown(texts[0])} may begin with the day or "
+            "the month; write dates like 2024-05-01, or give --dt SECONDS"
         ) from None
     if ns_of_texts is None:
         row = first_unread(texts)
@@ -170,8 +171,8 @@ def _told(table: Table, name: str, cells: Cells) -> Stamps | None:
 
 def _no_time(table: Table, name: str, row: int, found: str) -> LogError:
     return LogError(
-        f"{table.path}, {table.place} {table.places[row]}, column {name!r}: expected a time like "
-        f"that of the rows before, found {found}"
+        f"{table.path}, {table.place} {table.places[row]}, column {shown(name)}: expected a time "
+        f"like that of the rows before, found {found}"
     )
 
 
@@ -202,7 +203,7 @@ def _unit(table: Table, name: str, values: NDArray[Any], stated: str | None) -> 
     if of_file:
         unit = unit_word(of_file)
         if unit is None:
-            raise _unclear(table, name, values, f"has the unit {of_file!r}")
+            raise _unclear(table, name, values, f"has the unit {shown(of_file)}")
         return unit, f"in {unit}"
     by_values = epoch_unit(values)
     if of_name is not None:
@@ -229,6 +230,7 @@ def _unclear(table: Table, name: str, values: NDArray[Any], what: str) -> LogErr
         f"{value:.10g}" if value.dtype.kind == "f" else str(value) for value in values[:3]
     )
     return LogError(
-        f"{table.path}: column {name!r} {what} ({first}, …); if it is the time, --time-unit says "
+        f"{table.path}: column {shown(name)} {what} ({first}, …); if it is the time, --time-unit "
+        "says "
         "in what (s, ms, us, ns, min, h or days), if it is not, give --time NAME or --dt SECONDS"
     )

@@ -71,8 +71,8 @@ class RowFormat:
         time = None if how.dt is not None else log.names.time
         if time is not None and any(note.startswith("time of columns") for note in table.notes):
             raise LogError(f"{log.path}: expected one column of times with --follow, found two")
-        if how.unwrap or how.sort or how.duplicates != "error":
-            raise LogError("--follow: expected without --unwrap, --sort and --duplicates")
+        if how.unwrap or how.sort or how.duplicates != "error" or how.delay:
+            raise LogError("--follow: expected without --unwrap, --sort, --duplicates and --delay")
         text = stamps.ns is not None
         whole = not text and np.asarray(stamps.written).dtype.kind == "i"
         return cls(
@@ -100,7 +100,9 @@ class RowFormat:
             cell = cells.get(name, "")
             value = number(cell, self.decimal, self.grouped)
             if value is None or np.isinf(value):
-                raise LogError(f"column {name!r}: expected a finite number, found {shown(cell)}")
+                raise LogError(
+                    f"column {shown(name)}: expected a finite number, found {shown(cell)}"
+                )
             values[k] = np.nan if value in self.missing else value
         return values
 

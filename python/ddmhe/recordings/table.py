@@ -10,16 +10,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ddmhe.checks import listed, shown
 from ddmhe.recordings.errors import LogError
 
 Cells = Sequence[str] | NDArray[Any]
 
 __all__ = ["Cells", "Table"]
-
-SHOWN = 12
-"""How many columns a message lists."""
-LONGEST = 40
-"""Characters of a name in that list."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,17 +70,17 @@ class Table:
         if self.header.count(name) > 1:
             count = self.header.count(name)
             raise LogError(
-                f"{self.path}: expected one column named {name!r}, found {count}; give each a name "
-                "of its own"
+                f"{self.path}: expected one column named {shown(name)}, found {count}; give each "
+                "a name of its own"
             )
         ending = [known for known in self.header if _plain(known).endswith("." + _plain(name))]
         if ending:
             raise LogError(
-                f"{option}: expected a column of {self.path}, found {name!r}, which may be "
-                f"{' or '.join(map(repr, ending[:3]))}"
+                f"{option}: expected a column of {self.path}, found {shown(name)}, which may be "
+                f"{' or '.join(map(shown, ending[:3]))}"
             )
         raise LogError(
-            f"{option}: expected a column of {self.path}, found {name!r}{self._nearest(name)}"
+            f"{option}: expected a column of {self.path}, found {shown(name)}{self._nearest(name)}"
         )
 
     def joined(self, names: Sequence[str]) -> tuple[str, ...]:
@@ -130,10 +126,8 @@ class Table:
         folded = [known for known in self.header if known.casefold() == name.casefold()]
         bare = [known for known in self.header if known.split("[")[0].split("(")[0].strip() == name]
         near = (folded or bare or close)[:1]
-        hint = f"; did you mean {near[0][:LONGEST]!r}?" if near else ""
-        more = f", … {len(self.header) - SHOWN} more" if len(self.header) > SHOWN else ""
-        names = ", ".join(name[:LONGEST] for name in self.header[:SHOWN])
-        return f"{hint} (columns: {names}{more})"
+        hint = f"; did you mean {shown(near[0])}?" if near else ""
+        return f"{hint} (columns: {listed(self.header)})"
 
 
 def _plain(name: str) -> str:

@@ -6,6 +6,7 @@ import codecs
 import re
 from typing import NamedTuple
 
+from ddmhe.checks import shown
 from ddmhe.recordings.errors import LogError
 
 __all__ = ["Lines", "decode", "lines_of"]
@@ -20,6 +21,10 @@ BOMS = (
 """Longer ones first: a mark of UTF-32 begins as one of UTF-16."""
 COMMENTS = ("#", "%", "//")
 """What a line of a comment begins with, unless another mark is named."""
+FIRST = 200
+"""Lines that may be above the samples."""
+MOST_BREAKS = 10
+"""Lines over which a quote may go on there."""
 CONTROL = re.compile("[\0-\x08\x0e-\x1b]")
 """Characters that no text has."""
 
@@ -52,7 +57,7 @@ def decode(path: str, data: bytes, encoding: str | None) -> tuple[str, str | Non
             text, found = data.decode("cp1252"), "Windows-1252"
         except UnicodeDecodeError:
             text, found = data.decode("latin-1"), "Latin-1"
-    if CONTROL.search(text[:100_000]):
+    if "\0" in text or (found is not None and CONTROL.search(text[:100_000])):
         raise LogError(
             f"{path}: expected a text file in UTF-8 or a known binary format, found bytes that are "
             "neither; --encoding names another encoding"
@@ -65,7 +70,7 @@ def _stated(path: str, data: bytes, encoding: str) -> str:
         text = data.decode(encoding)
     except LookupError:
         raise LogError(
-            f"encoding: expected one like utf-8, latin-1 or utf-16, found {encoding!r}"
+            f"encoding: expected one like utf-8, latin-1 or utf-16, found {shown(encoding)}"
         ) from None
     except UnicodeError as e:
         raise LogError(
@@ -95,9 +100,23 @@ def _wide(head: bytes) -> str | None:
     return None
 
 
+def _rows(text: str) -> list[str]:
+    """The lines; one at the beginning whose quotes go on over the next ones holds these, too, and
+    leaves them blank."""
+    rows = text.split("\n")
+    for k in range(min(FIRST, len(rows))):
+        if rows[k].count('"') % 2 == 0:
+            continue
+        ends = (j for j in range(k + 1, min(k + MOST_BREAKS, len(rows))) if rows[j].count('"') % 2)
+        last = next(ends, k)
+        rows[k : last + 1] = ["\n".join(rows[k : last + 1]), *[""] * (last - k)]
+    return rows
+
+
 def lines_of(text: str, comment: str | None) -> Lines:
     """Lines, those of comments blanked; a mark that is named ends a line anywhere."""
-    rows = text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
+    text = text.replace("\r\n", "\n")
+    rows = _rows(text if "\n" in text else text.replace("\r", "\n"))
     marks = COMMENTS if comment is None else (comment,)
     comments = {}
     for k, row in enumerate(rows):

@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from ddmhe.checks import reason
 from ddmhe.recordings.cells import says_nothing
 from ddmhe.recordings.errors import LogError
 from ddmhe.recordings.habits import NAMES, Habit, cells_of, decimal_of, habit_of, is_number
@@ -98,7 +99,9 @@ def _rows(
             if any(cells):
                 found.append((first + number, cells))
     except csv.Error as e:
-        raise LogError(f"{path}: expected a CSV table, found one that cannot be read ({e})") from e
+        raise LogError(
+            f"{path}: expected a CSV table, found one that cannot be read ({reason(e)})"
+        ) from e
     return _trimmed(found, ended, habit.header is not None)
 
 

@@ -9,6 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from ddmhe.checks import shown
 from ddmhe.recordings.cells import number
 from ddmhe.recordings.errors import LogError, Names
 from ddmhe.recordings.stamp_texts import is_stamp
@@ -72,7 +73,7 @@ def _first(table: Table, own: set[str], asked: Names) -> tuple[str, str]:
     steps = np.diff(values)
     if np.all(values == np.rint(values)) or not np.mean(steps > 0) > RISING:
         raise LogError(
-            f"{table.path}: no column is known as the time; the first, {name!r}, holds "
+            f"{table.path}: no column is known as the time; the first, {shown(name)}, holds "
             f"{', '.join(f'{v:.10g}' for v in values[:3])}, … and may count rows: --dt SECONDS "
             "states their step, or --time NAME and --time-unit say which column is the clock"
         )
@@ -87,8 +88,8 @@ def _not_asked(table: Table, asked: Names, name: str) -> None:
             found = table.index(given)
             if found is not None and table.header[found] == name:
                 raise LogError(
-                    f"{option}: expected columns other than the time column, found {given!r}; for "
-                    "a log without times --dt SECONDS states the step"
+                    f"{option}: expected columns other than the time column, found "
+                    f"{shown(given)}; for a log without times --dt SECONDS states the step"
                 )
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -37,4 +38,7 @@ def write_estimates(
 
 def save_figure(figure: Figure, path: Path) -> None:
     """Write a figure; the ending of `path` names the format."""
-    write(path, lambda beside: figure.savefig(beside, dpi=150))
+    with warnings.catch_warnings():
+        # a letter of a column's name that the font lacks is drawn as a box
+        warnings.filterwarnings("ignore", "Glyph .* missing")
+        write(path, lambda beside: figure.savefig(beside, dpi=150))

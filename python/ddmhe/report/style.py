@@ -9,11 +9,12 @@ from matplotlib import colormaps
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
+from ddmhe.checks import word
 from ddmhe.reasons import Reason
 
 Array = NDArray[np.float64]
 
-__all__ = ["BAND", "BAR", "DOUBTS", "ESTIMATE", "TRUTH", "color_of", "shade"]
+__all__ = ["BAND", "BAR", "DOUBTS", "ESTIMATE", "TRUTH", "caption", "color_of", "shade"]
 
 
 TRUTH: dict[str, Any] = {"linewidth": 3.5, "alpha": 0.35}
@@ -30,6 +31,12 @@ DOUBTS = {
     Reason.STUCK: (0.3, 0.5, 0.9, 0.2),
 }
 """Where an estimate is not to be trusted: light, so that reasons that come together show, too."""
+
+
+def caption(name: str) -> str:
+    """A name from a file as a figure shows it: letter by letter, none of it typeset as a
+    formula."""
+    return word(name).replace("$", r"\$")
 
 
 def color_of(i: int) -> tuple[float, float, float, float]:

@@ -8,8 +8,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from rich.table import Table
+from rich.text import Text
 
 from ddmhe._core import DdMhe, History
+from ddmhe.checks import one_line
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -48,11 +50,20 @@ def table(title: str, columns: Mapping[str, Mapping[str, str]]) -> Table:
     """A table with one row per label and one column per mapping; an empty name makes a column
     without heading."""
     names = list(columns)
-    result = Table("", *names, title=title, title_justify="left", show_header=any(names))
+    result = Table("", *names, title=_title(title), title_justify="left", show_header=any(names))
     labels = list(dict.fromkeys(label for column in columns.values() for label in column))
     for label in labels:
-        result.add_row(label, *(columns[name].get(label, "") for name in names))
+        result.add_row(_plain(label), *(columns[name].get(label, "") for name in names))
     return result
+
+
+def _plain(label: str) -> Text:
+    """A label with names of a file in it: letter by letter, none of it style."""
+    return Text(one_line(label))
+
+
+def _title(words: str) -> Text:
+    return Text(one_line(words), style="table.title")
 
 
 def design(
@@ -116,7 +127,7 @@ def scores(title: str, best: pd.DataFrame) -> Table:
         "error",
         "in the quarters",
         "radius",
-        title=title,
+        title=_title(title),
         title_justify="left",
     )
     for row in best.to_dict("records"):
@@ -142,9 +153,8 @@ def scores(title: str, best: pd.DataFrame) -> Table:
 def promise(title: str, tuning: Tuning, names: Sequence[str]) -> Table:
     """What a tuning promises of each state, in its unit, and whether it is better than the default
     rule there."""
-    result = Table(
-        "state", "rms error", "range", "against the default rule", title=title, title_justify="left"
-    )
+    heads = ("state", "rms error", "range", "against the default rule")
+    result = Table(*heads, title=_title(title), title_justify="left")
     kept = not tuning.settings
     for name, error, low, high, ratio in zip(
         names, tuning.promise, *tuning.range, tuning.ratio, strict=True
@@ -152,6 +162,9 @@ def promise(title: str, tuning: Tuning, names: Sequence[str]) -> Table:
         against = "cannot tell" if kept or np.isnan(ratio) else f"{ratio:.2g} times its error"
         known = "unknown" if np.isnan(error) else f"{error:.3g}"
         result.add_row(
-            name, known, f"{low:.2g} to {high:.2g}" if np.isfinite(high) else "unknown", against
+            _plain(name),
+            known,
+            f"{low:.2g} to {high:.2g}" if np.isfinite(high) else "unknown",
+            against,
         )
     return result

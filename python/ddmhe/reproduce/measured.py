@@ -12,6 +12,7 @@ import pandas as pd
 from rich.table import Table
 
 from ddmhe._core import DdmheError
+from ddmhe.checks import file_words
 from ddmhe.files import write, write_text
 from ddmhe.report.page import markdown_table
 from ddmhe.reproduce.experiments import Result, short
@@ -181,6 +182,7 @@ def pendulum_logs(data: Path | None) -> list[Path]:
     )
     if not paths and not driven_logs(data):
         raise DdmheError(
-            f"--data: expected a directory with pendulum logs (CSV), {str(folder)!r} has none"
+            f"--data: expected a directory with pendulum logs (CSV), '{file_words(folder)}' "
+            "has none"
         )
     return paths

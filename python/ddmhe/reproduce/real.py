@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from ddmhe import report
 from ddmhe._core import DdMhe, DdmheError, History
 from ddmhe.baselines import ArxKalman, ErrorStateKalman, KoopmanMhe, RidgeFir
+from ddmhe.checks import file_words
 from ddmhe.logs import read_log
 from ddmhe.reproduce.montecarlo import estimates, in_parallel
 
@@ -52,13 +53,14 @@ def pendulum_task(path: str | Path) -> PendulumTask:
     swinging = np.linalg.norm(log.x, axis=1) > SWING
     if not swinging.any():
         raise DdmheError(
-            f"path: expected a log in which |omega| exceeds {SWING:g} rad/s, {str(path)!r} has none"
+            f"path: expected a log in which |omega| exceeds {SWING:g} rad/s, "
+            f"'{file_words(path)}' has none"
         )
     start = log.t[min(int(np.argmax(swinging)) + LEAD, len(log.t) - 1)]
     split = read_log(path, STATE, OUTPUT, decimate=DECIMATE, start=start).fill_gaps().split(HISTORY)
     if split.x_true is None:
         raise DdmheError(
-            f"path: expected a log with states after the history, {str(path)!r} has none"
+            f"path: expected a log with states after the history, '{file_words(path)}' has none"
         )
     return PendulumTask(split.history, split.Y, split.x_true)
 
@@ -73,8 +75,8 @@ def estimators(history: History) -> Mapping[str, Callable[[], Any]]:
         return DdMhe(history, **found.settings, start=found.start)
 
     return {
-        "Dd-MHE, defaults": lambda: DdMhe(history, start="state"),
-        "Dd-MHE, defaults, warm start": lambda: DdMhe(history, start="recording"),
+        "Dd-MHE, defaults": lambda: DdMhe(history),
+        "Dd-MHE, from the last state": lambda: DdMhe(history, start="state"),
         "Dd-MHE, tuned": tuned,
         "Dd-MHE, paper's weights": lambda: DdMhe(history, 20, 0.9, 1e5, start="state"),
         "Dd-KMHE, paper's weights": lambda: KoopmanMhe(history, 20, 0.9, 1e5),

@@ -2,8 +2,8 @@
 
 use super::source::Source;
 use ddmhe_core::{
-    Bounds, Center, Certificate, Config, Disturbance, Equilibrium, Error, History, ProcessNoise,
-    Soft, Space, Start, Weighting,
+    Bounds, Center, Certificate, Config, Disturbance, Equilibrium, Error, Gate, History,
+    ProcessNoise, Soft, Space, Start, Stuck, Weighting,
 };
 
 /// One sample: y, u and the bounds of its step.
@@ -166,7 +166,7 @@ fn config(source: &mut Source<'_>, [n, p, m]: [usize; 3]) -> Config {
             let [x, y, u] = [n, p, m].map(|width| source.numbers(width, true));
             Equilibrium { x, y, u }
         }),
-        start: *pick(source, &[Start::State, Start::Recording, Start::Unknown]),
+        start: *pick(source, &[Start::State, Start::Recording, Start::Unknown, Start::Auto]),
         space: space(source),
         disturbance: certificate.as_ref().and(source.maybe(2, |source| {
             let [initial, w, v] = [0; 3].map(|_| source.number().abs());
@@ -179,6 +179,12 @@ fn config(source: &mut Source<'_>, [n, p, m]: [usize; 3]) -> Config {
         }),
         drift: source.maybe(8, |source| source.numbers(n * n, true)),
         evidence: !source.once_in(4),
+        gate: match source.below(4) {
+            0 => Gate::Auto,
+            1 => Gate::At(source.number().abs()),
+            _ => Gate::None,
+        },
+        stuck: *pick(source, &[Stuck::Tell, Stuck::Missing]),
     }
 }
 

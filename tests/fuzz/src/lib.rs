@@ -3,5 +3,6 @@
 
 pub mod case;
 pub mod check;
+pub mod flight;
 pub mod sealed;
 pub mod source;

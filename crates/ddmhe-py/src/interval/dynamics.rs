@@ -2,6 +2,7 @@
 
 use crate::convert::{Numbers, ShapeError, array1, array2, raise};
 use crate::interval::ends::{ends, intervals};
+use crate::words::said;
 use ddmhe_core::observer::{Dynamics as Enclose, Euler, Linear, Pendulum, Uncertain};
 use ddmhe_core::{Error, Interval};
 use numpy::{PyArray1, PyArray2};
@@ -227,7 +228,7 @@ impl Callables {
     /// The core's error for what a callable raised; an interrupt is kept, to be raised again as it
     /// came.
     fn outcome(&self, py: Python<'_>, argument: &'static str, error: PyErr) -> Error {
-        let found = error.to_string();
+        let found = said(&error.to_string());
         if !error.is_instance_of::<PyException>(py) {
             *self.raised.lock().unwrap_or_else(PoisonError::into_inner) = Some(error);
         }

@@ -9,6 +9,7 @@ use crate::interval::log::IntervalLog;
 use crate::interval::zonotope::reduction;
 use crate::pickle::bytes;
 use crate::signals::{Signals, with_finished};
+use crate::words::quoted;
 use ddmhe_core::observer::{Dynamics as Enclose, Gain, Method, Options, System};
 use ddmhe_core::{Error, Interrupt};
 use pyo3::prelude::*;
@@ -59,7 +60,7 @@ impl ObserverCore {
         let system = system(matrices)?;
         let gain = design(gain)?;
         let method = Method::ALL.into_iter().find(|m| m.as_str() == name).ok_or_else(|| {
-            let text = format!("method: expected \"tight\" or \"paper\", found {name:?}");
+            let text = format!("method: expected \"tight\" or \"paper\", found {}", quoted(&name));
             DdmheError::new_err(text)
         })?;
         let options =

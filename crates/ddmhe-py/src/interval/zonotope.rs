@@ -2,6 +2,7 @@
 
 use crate::convert::{DdmheError, Numbers, ShapeError, array1, raise, text, whole};
 use crate::interval::ends::{Ends, columns, ends, intervals};
+use crate::words::{kind, quoted};
 use ddmhe_core::Reduction;
 use numpy::{PyArray1, PyArray2};
 use pyo3::prelude::*;
@@ -11,7 +12,7 @@ use pyo3::types::PyType;
 pub fn reduction(name: &str) -> PyResult<Reduction> {
     Reduction::ALL.into_iter().find(|method| method.as_str() == name).ok_or_else(|| {
         let expected = "expected \"girard\", \"combastel\", \"pca\" or \"paper\"";
-        DdmheError::new_err(format!("method: {expected}, found {name:?}"))
+        DdmheError::new_err(format!("method: {expected}, found {}", quoted(name)))
     })
 }
 
@@ -110,9 +111,8 @@ impl Zonotope {
 
     /// Minkowski sum with another zonotope, (5).
     fn minkowski_sum(&self, other: &Bound<'_, PyAny>) -> PyResult<Self> {
-        let wrong = |_| {
-            DdmheError::new_err(format!("other: expected a Zonotope, found {}", other.get_type()))
-        };
+        let wrong =
+            |_| DdmheError::new_err(format!("other: expected a Zonotope, found {}", kind(other)));
         let other = other.cast::<Self>().map_err(wrong)?.get();
         self.0.minkowski_sum(&other.0).map(Zonotope).map_err(raise)
     }

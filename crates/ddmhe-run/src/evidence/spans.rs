@@ -59,7 +59,8 @@ impl PlanSpans {
 /// Of one depth. All in the user's units.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct DepthSpans {
-    /// V₀, and above which V and J a window is novel.
+    /// V₀, above which V and J a window is novel, and above which a run does not go on from the
+    /// recording's end.
     pub levels: Span,
     /// Φ (n × n).
     pub carry: Span,
@@ -71,18 +72,24 @@ pub struct DepthSpans {
     pub of_prior: Span,
     /// Variance of the innovation where x̄ is exact (p).
     pub innovation: Span,
+    /// That of a window whose x̄ is an estimate, which another is of a run from an unknown state (p).
+    pub settled: Span,
+    /// Squares of innovations above which a run does not go on from the recording's end (p).
+    pub going_on: Span,
 }
 
 impl DepthSpans {
     pub(crate) fn new([n, p]: [usize; 2], judged: bool, next: &mut Cursor) -> Self {
         let kept = |len: usize| if judged { len } else { 0 };
         DepthSpans {
-            levels: next.take(kept(3)),
+            levels: next.take(kept(5)),
             carry: next.take(kept(n * n)),
             error: next.take(kept(n * n)),
             deleted: next.take(kept(p * p)),
             of_prior: next.take(kept(p * n)),
             innovation: next.take(kept(p)),
+            settled: next.take(kept(p)),
+            going_on: next.take(kept(p)),
         }
     }
 }
@@ -148,12 +155,14 @@ impl<'a> OfPlan<'a> {
 /// The numbers of one depth, to be read.
 #[derive(Debug, Clone, Copy)]
 pub struct OfDepth<'a> {
-    pub(crate) levels: [f64; 3],
+    pub(crate) levels: [f64; 5],
     pub(crate) carry: &'a [f64],
     pub(crate) error: &'a [f64],
     pub(crate) deleted: &'a [f64],
     pub(crate) of_prior: &'a [f64],
     pub(crate) innovation: &'a [f64],
+    pub(crate) settled: &'a [f64],
+    pub(crate) going_on: &'a [f64],
 }
 
 impl<'a> OfDepth<'a> {
@@ -166,6 +175,8 @@ impl<'a> OfDepth<'a> {
             deleted: spans.deleted.of(own),
             of_prior: spans.of_prior.of(own),
             innovation: spans.innovation.of(own),
+            settled: spans.settled.of(own),
+            going_on: spans.going_on.of(own),
         }
     }
 }

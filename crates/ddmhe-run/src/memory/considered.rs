@@ -77,6 +77,12 @@ impl OfFilter {
         self.scores.clear();
     }
 
+    /// Σ without what V adds (n × n, scaled).
+    #[inline(always)]
+    pub fn covariance<'b>(&self, block: &'b [f64], n: usize) -> &'b [f64] {
+        &block[self.sigma..self.sigma + n * n]
+    }
+
     /// Σ(t), before what V adds.
     #[inline(always)]
     pub fn advance(&self, block: &mut [f64], model: &OfModel<'_>, step: &FilterStep<'_>) {

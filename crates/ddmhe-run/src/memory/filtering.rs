@@ -208,6 +208,29 @@ impl Filtering {
         self.chain && self.unfiltered == 0 && depth <= self.depth + 1
     }
 
+    /// Whether a window of this depth goes on where one of this depth was filtered.
+    #[inline(always)]
+    pub fn continues(&self, depth: usize) -> bool {
+        self.goes_on(depth) && self.depth == depth
+    }
+
+    /// As of a [`SlidingBuffer`], for ν.
+    #[inline(always)]
+    pub fn make_room(&mut self, block: &mut [f64]) -> usize {
+        self.innovations.make_room(block)
+    }
+
+    /// Where ν end, and where the numbers of a step ahead begin.
+    #[inline(always)]
+    pub fn ends(&self) -> [usize; 2] {
+        [self.innovations.window().end, self.ahead]
+    }
+
+    /// As of a [`SlidingBuffer`], for ν that are there.
+    pub fn move_on(&mut self, samples: usize) {
+        self.innovations.move_on(samples);
+    }
+
     /// x̂(t) (n), made a step ahead.
     #[inline(always)]
     pub fn ahead<'b>(&self, block: &'b [f64], n: usize) -> &'b [f64] {
@@ -219,6 +242,14 @@ impl Filtering {
     pub fn cost(&mut self, block: &[f64], depth: usize) -> f64 {
         (self.unfiltered, self.depth) = (0, depth);
         square(&block[self.innovations.last(depth)])
+    }
+
+    /// Of so many outputs.
+    pub fn keep(&mut self, outputs: usize) {
+        if self.innovations.width > 0 {
+            self.innovations.keep(outputs);
+        }
+        self.losses.clear();
     }
 
     /// The newest output is taken back.

@@ -17,6 +17,7 @@ pub(crate) struct Room {
     pub moved: usize,
     pub smoothing: usize,
     pub sensitivity: usize,
+    pub innovation: usize,
     pub sides: usize,
 }
 
@@ -32,11 +33,16 @@ impl Room {
             moved: padded(n),
             smoothing: if sizes.recorded { kalman::room(n, p) } else { 0 },
             sensitivity: if sizes.judged() { padded(sensitivity_len(n, p, r)) } else { 0 },
+            innovation: if sizes.gate > 0.0 { padded(2 * p) } else { 0 },
             sides: padded(r),
         }
     }
 
     pub fn len_before_sides(&self) -> usize {
+        self.innovation_at() + self.innovation
+    }
+
+    pub fn innovation_at(&self) -> usize {
         self.sensitivity_at() + self.sensitivity
     }
 

@@ -149,6 +149,43 @@ impl Witness {
         }
     }
 
+    /// How often output i has repeated its value, if that is too often.
+    pub fn stuck(&self, block: &[f64], known: &OfPlan<'_>, i: usize) -> Option<usize> {
+        let repeats = block[self.repeats + i];
+        (repeats >= known.patience[i]).then_some(repeats as usize)
+    }
+
+    /// Whether an output will be stuck with y(t-1).
+    pub fn will_stick(&self, block: &[f64], known: &OfPlan<'_>, y: &[f64]) -> bool {
+        let (last, repeats) = (&block[self.last..], &block[self.repeats..]);
+        let again = |i: usize| y[i] == last[i] && repeats[i] + 1.0 >= known.patience[i];
+        (0..y.len()).any(again)
+    }
+
+    /// Σ of the filter, before what V adds (n × n, scaled).
+    pub fn filter_covariance<'b>(&self, block: &'b [f64], n: usize) -> &'b [f64] {
+        self.filter.covariance(block, n)
+    }
+
+    /// As after a restart with so many outputs: Σ as wide as of an unknown state.
+    pub fn restart(&mut self, block: &mut [f64], known: &OfPlan<'_>, (kept, s_x): (usize, &[f64])) {
+        self.covariances.keep(kept);
+        let all = self.covariances.window();
+        for sigma in block[all].chunks_exact_mut(s_x.len() * s_x.len()) {
+            wide(sigma, known.per_spread, WIDE);
+        }
+        (self.judged.samples, self.judged.inflation) = (known.growth[2], 1.0);
+        if known.rule == Rule::Filter {
+            let first = self.covariances.window().start;
+            self.filter.start(block, &known.model, first, s_x);
+        }
+    }
+
+    /// Σ of the filter over one instant more, of a run from an unknown state.
+    pub fn follow(&self, block: &mut [f64], known: &OfPlan<'_>, step: &FilterStep<'_>) {
+        self.filter.advance(block, &known.model, step);
+    }
+
     /// Takes note of y(t-1) (p, NaN where not measured) as it came.
     #[inline(always)]
     pub fn note(&self, block: &mut [f64], y: &[f64]) {
@@ -227,7 +264,7 @@ impl Witness {
         let (plan, own) = told.known;
         let all = depth * told.newest.len();
         let share = if told.measured == all { 1.0 } else { told.measured as f64 / all as f64 };
-        let [V_0, V_most, _] = own.levels;
+        let [V_0, V_most, ..] = own.levels;
         // a minimum below 0 is rounding; what was not measured is taken to be as it is in held-out
         // windows
         let least = told.sizes[0] / V_0;
@@ -323,6 +360,8 @@ impl Witness {
             innovation_variance: &block[self.variance..self.variance + p],
             repeats: &block[self.repeats..self.repeats + p],
             patience: known.patience,
+            gated: &[],
+            restarted: false,
         }
     }
 

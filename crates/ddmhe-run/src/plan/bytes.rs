@@ -2,18 +2,20 @@
 
 use crate::evidence::Rule;
 use crate::layout::Layout;
-use crate::plan::common::{Common, HEADER, Margin, Shared, Sizes};
+use crate::plan::common::{Begin, Common, HEADER, Margin, Shared, Sizes};
 use crate::plan::depth::{Depth, HEAD, Kind};
 use crate::prices::Prices;
 use core::fmt;
 
 const MAGIC: u64 = u64::from_le_bytes(*b"ddmheplN");
 /// Goes up with every change of what a plan holds.
-const FORMAT: f64 = 4.0;
+const FORMAT: f64 = 5.0;
 /// Where the checksum is, which is of everything else.
 const SUM: usize = 3;
 /// Where the prices of leaving bounds are.
 const PRICES: usize = HEADER - 3;
+/// From how many deviations on an output is rejected.
+const GATE: usize = 24;
 
 /// Bytes where doubles can be read: `static PLAN: Aligned<[u8; LEN]> =
 /// Aligned(*include_bytes!(…))`.
@@ -98,7 +100,11 @@ impl Common {
             recorded,
             soft,
             self.sizes.drifts,
+            self.sizes.stuck_missing,
+            self.sizes.start == Begin::Unknown,
+            self.sizes.start == Begin::Auto,
         ]);
+        numbers[GATE] = self.sizes.gate;
         numbers[12] = self.rho;
         numbers[13] = self.unit;
         for (margin, at) in self.margins.iter().zip(numbers[14..20].chunks_exact_mut(2)) {
@@ -117,7 +123,7 @@ impl Common {
             *size = whole(*number)?;
         }
         let [n, p, horizon, rank, filled, depths, opening] = sizes;
-        let bits = known_flags(numbers[11], 9)?;
+        let bits = known_flags(numbers[11], 12)?;
         let [x, v, w] = [0, 1, 2].map(|i| numbers[PRICES + i]);
         let prices = Prices { x, v, w };
         let nothing = prices.w > 0.0 && !bit(bits, 5); // to be left
@@ -144,11 +150,17 @@ impl Common {
             prices,
             rule,
             drifts: bit(bits, 8),
+            gate: numbers[GATE],
+            stuck_missing: bit(bits, 9),
+            start: begin(bit(bits, 10), bit(bits, 11))?,
         };
         let some = n > 0 && p > 0 && horizon > 0 && rank > 0 && depths > 0 && lag > 0;
         let unlike = (rule == Rule::Filter) != (sizes.recorded && sizes.judged())
             || sizes.drifts && !sizes.judged();
         if !some || filled > horizon || unlike || !sizes.countable(largest) {
+            return None;
+        }
+        if !sizes.doubts_fit() || sizes.opens() != (opening > 0) {
             return None;
         }
         let margin = |at: usize| Margin { per_largest: numbers[at], per_smallest: numbers[at + 1] };
@@ -160,6 +172,26 @@ impl Common {
             ..Common::new(sizes)
         };
         Some((common, [depths, opening]))
+    }
+}
+
+/// Where a run starts, by its flags.
+fn begin(unknown: bool, auto: bool) -> Option<Begin> {
+    match (unknown, auto) {
+        (false, false) => Some(Begin::Known),
+        (true, false) => Some(Begin::Unknown),
+        (false, true) => Some(Begin::Auto),
+        (true, true) => None,
+    }
+}
+
+impl Sizes {
+    /// Whether what doubts outputs, or the start, goes with the rest: it takes evidence, and a run
+    /// from an unknown state begins without an output.
+    fn doubts_fit(&self) -> bool {
+        let asks = self.gate != 0.0 || self.stuck_missing || self.start == Begin::Auto;
+        let gate = self.gate == 0.0 || self.gate > 1.0 && self.gate.is_finite();
+        gate && (self.judged() || !asks) && (self.start != Begin::Unknown || self.filled == 0)
     }
 }
 
@@ -269,6 +301,7 @@ impl<'a> Plan<'a> {
     /// a run: the depths ascend from one that a new run's first output fills, to the horizon.
     fn fits(&self) -> bool {
         let Sizes { horizon, rank, filled, centered, .. } = self.common.sizes;
+        let opens = self.common.sizes.opens();
         let (mut at, mut deepest, mut highest) = (self.common.len, 0, 0);
         for number in 0..self.depths + self.opening {
             let Some((depth, _)) = block(self.numbers, at, &self.common.sizes) else {
@@ -280,7 +313,9 @@ impl<'a> Plan<'a> {
             if !ascends || depth.rank > rows || depth.kind.centered != centered {
                 return false;
             }
-            let late = number == 0 && m > filled + 1;
+            // a run that opens begins with one output, whatever the window of a new run holds
+            let first_window = if opens { 1 } else { filled + 1 };
+            let late = number == 0 && m > first_window;
             let shallow = number + 1 == self.depths && m != horizon;
             if late || shallow || depth.kind.for_pattern {
                 return false;
@@ -329,7 +364,12 @@ impl<'a> Plan<'a> {
 
     /// Whether a new run starts from an unknown state.
     pub fn starts_unknown(&self) -> bool {
-        self.opening > 0
+        self.common.sizes.start == Begin::Unknown
+    }
+
+    /// Whether a new run finds out by itself where it starts.
+    pub fn finds_start(&self) -> bool {
+        self.common.sizes.start == Begin::Auto
     }
 
     /// The block of the deepest windows that `outputs` outputs fill, with its numbers. `opening`:

@@ -72,6 +72,24 @@ pub struct Sizes {
     pub rule: Rule,
     /// Whether each sample adds to the covariance of unseen states.
     pub drifts: bool,
+    /// From how many deviations on an output is rejected; 0: none is.
+    pub gate: f64,
+    /// Whether an output that is stuck counts as not measured.
+    pub stuck_missing: bool,
+    /// Where a new run starts.
+    pub start: Begin,
+}
+
+/// Where a new run starts.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Begin {
+    /// From the window that is kept: a state, or the recording's end.
+    #[default]
+    Known,
+    /// From an unknown state.
+    Unknown,
+    /// From the recording's end if the first windows say so, else from an unknown state.
+    Auto,
 }
 
 impl Sizes {
@@ -113,6 +131,11 @@ impl Sizes {
     /// n, p and m.
     pub(crate) fn channels(self) -> [usize; 3] {
         [self.n, self.p, self.m]
+    }
+
+    /// Whether a run may start from an unknown state, now or later.
+    pub fn opens(&self) -> bool {
+        self.start != Begin::Known || self.gate > 0.0
     }
 
     /// Whether estimates carry evidence.
@@ -368,6 +391,12 @@ impl<'a> Shared<'a> {
     #[inline(always)]
     pub fn state_deviations(&self, x: &[f64]) -> impl Iterator<Item = f64> {
         x.iter().zip(self.mean_x).zip(self.s_x).map(|((x, mean), s)| (x - mean) / s)
+    }
+
+    /// A state of these scaled deviations in the user's units.
+    #[inline(always)]
+    pub fn state_of(&self, x: &[f64]) -> impl Iterator<Item = f64> {
+        x.iter().zip(self.mean_x).zip(self.s_x).map(|((x, mean), s)| x * s + mean)
     }
 
     /// An output as scaled deviations.

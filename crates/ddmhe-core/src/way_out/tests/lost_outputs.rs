@@ -2,6 +2,7 @@
 
 use crate::design::Design;
 use crate::fallback::Fallbacks;
+use crate::needs::Needs;
 use crate::plan_builder::Prepared;
 use crate::{Bounds, Certificate, Config, History, Space};
 use ddmhe_run::memory::{Memory, Parts, memory_len};
@@ -61,7 +62,7 @@ fn a_downdate_gives_what_a_new_factorisation_gives() {
     let mut rng = ChaCha8Rng::seed_from_u64(2);
     let history = history(&mut rng);
     for config in configs() {
-        let design = Design::new(&history, &config, config.start).unwrap();
+        let design = Design::new(&history, &config, Needs::of(&config, config.begins())).unwrap();
         let full = design.problem(12);
         let (mut compared, mut bound) = (0, 0);
         for _ in 0..300 {

@@ -1,0 +1,172 @@
+//! A response, four instants at a time.
+//!
+//! In the recursion of a [`Response`] each instant waits for the one before. The same linear map
+//! over four of them,
+//!
+//! > \[x_f(k+1); …; x_f(k+4)\] = X h(k),  \[y_f(k); …; y_f(k+3)\] = Y h(k),
+//! > h(k) = \[u(k-L+1); …; u(k+3); y_f(k-L+1); …; y_f(k-1); x_f(k-L+1); …; x_f(k)\],
+//!
+//! has rows that do not wait for each other, time-major as the window is, and the inputs, which come
+//! first in their sums, wait for no motion. Column j of X and Y is what the recursion makes of
+//! h = e_j. The rows of X and then of Y lie in P whole panels, all panels of a column side by side:
+//! each entry of h is read once, and the sums stay in registers.
+
+use crate::panels::{Column, WIDTH, add, padded};
+use crate::response::{Response, ResponseSizes};
+
+/// Instants of a turn.
+const INSTANTS: usize = 4;
+
+/// The sizes of a response that is looked ahead with; its numbers are the caller's.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct LookAhead {
+    sizes: ResponseSizes,
+    columns: usize,
+    panels: [usize; 2], // of X and of Y
+}
+
+/// The motion of a window before an instant, and its inputs until then and later.
+struct Turn<'a> {
+    /// Inputs from before the window, which have no effect.
+    skipped: usize,
+    inputs: &'a [f64],
+    /// Inputs from after the window.
+    later: usize,
+    outputs: &'a [f64],
+    states: &'a [f64],
+}
+
+impl LookAhead {
+    /// Of small systems: with more rows the instants of a recursion are long enough.
+    pub fn new(sizes: ResponseSizes) -> Option<Self> {
+        let ResponseSizes { n, p, m, lag } = sizes;
+        if m == 0 || n + p > WIDTH || lag > INSTANTS {
+            return None;
+        }
+        let columns = sizes.regressors() + (INSTANTS - 1) * m;
+        let panels = [n, p].map(|width| (INSTANTS * width).div_ceil(WIDTH));
+        Some(LookAhead { sizes, columns, panels })
+    }
+
+    /// Numbers in X and Y.
+    fn table_len(self) -> usize {
+        (self.panels[0] + self.panels[1]) * self.columns * WIDTH
+    }
+
+    /// The same with room to make them in.
+    pub fn len(self) -> usize {
+        let ResponseSizes { n, p, m, lag } = self.sizes;
+        self.table_len() + padded((lag + INSTANTS) * (n + p + m)) + WIDTH
+    }
+
+    /// Numbers that x_f and y_f of so many instants are written in.
+    pub fn motion_len(self, depth: usize) -> [usize; 2] {
+        let ResponseSizes { n, p, .. } = self.sizes;
+        let last = depth.next_multiple_of(INSTANTS).saturating_sub(INSTANTS);
+        [last * n + self.panels[0] * WIDTH, last * p + self.panels[1] * WIDTH]
+    }
+
+    /// X and Y, in [`len`](Self::len) numbers.
+    #[cold]
+    pub fn make(self, response: &Response<'_>, numbers: &mut [f64]) {
+        let ResponseSizes { n, p, m, lag } = self.sizes;
+        let (width, [of_x, of_y]) = (n + p + m, self.panels);
+        let (table, room) = numbers.split_at_mut(self.table_len());
+        let (instants, next) = room.split_at_mut(room.len() - WIDTH);
+        for (column, table) in table.chunks_exact_mut((of_x + of_y) * WIDTH).enumerate() {
+            let (of_x, of_y) = table.split_at_mut(of_x * WIDTH);
+            instants.fill(0.0); // [x; y; u] of k-L+1, …
+            instants[self.regressor(column)] = 1.0;
+            for k in 0..INSTANTS {
+                let (before, now) = instants[k * width..].split_at_mut((lag - 1) * width);
+                response.next(before, &now[n + p..width], &now[..n], next);
+                now[n..n + p].copy_from_slice(&next[n..n + p]);
+                now[width..width + n].copy_from_slice(&next[..n]);
+                of_x[k * n..(k + 1) * n].copy_from_slice(&next[..n]);
+                of_y[k * p..(k + 1) * p].copy_from_slice(&next[n..n + p]);
+            }
+        }
+    }
+
+    /// Where the entry of h that belongs to a column is among the instants \[x; y; u\].
+    fn regressor(self, column: usize) -> usize {
+        let ResponseSizes { n, p, m, lag } = self.sizes;
+        let at = |entry: usize, size: usize, first: usize| {
+            entry / size * (n + p + m) + first + entry % size
+        };
+        let (inputs, outputs) = ((lag - 1 + INSTANTS) * m, (lag - 1) * p);
+        match (column.checked_sub(inputs), column.checked_sub(inputs + outputs)) {
+            (None, _) => at(column, m, n + p),
+            (Some(entry), None) => at(entry, p, n),
+            (_, Some(entry)) => at(entry, n, 0),
+        }
+    }
+
+    /// As [`Response::forced`], from what [`make`](Self::make) made; x and y have
+    /// [`motion_len`](Self::motion_len) numbers.
+    #[inline(always)]
+    pub fn forced(self, numbers: &[f64], u: &[f64], x: &mut [f64], y: &mut [f64]) {
+        let numbers = &numbers[..self.table_len()];
+        match self.panels[0] + self.panels[1] {
+            2 => self.turns::<2>(numbers, u, x, y),
+            3 => self.turns::<3>(numbers, u, x, y),
+            4 => self.turns::<4>(numbers, u, x, y),
+            _ => self.turns::<5>(numbers, u, x, y), // n + p ≤ 8
+        }
+    }
+
+    #[inline(always)]
+    fn turns<const P: usize>(self, numbers: &[f64], u: &[f64], x: &mut [f64], y: &mut [f64]) {
+        let ResponseSizes { n, p, m, lag } = self.sizes;
+        let table = numbers.as_chunks::<WIDTH>().0.as_chunks::<P>().0;
+        let mut first = 0;
+        for now in u.chunks(INSTANTS * m) {
+            let k = first;
+            first += INSTANTS;
+            let (x_before, x) = x.split_at_mut(k * n);
+            let (y_before, y) = y.split_at_mut(k * p);
+            // nothing before the window
+            let (states, known) = if k > 0 { (lag, lag - 1) } else { (0, 0) };
+            let turn = Turn {
+                skipped: (lag - 1 - known) * m,
+                inputs: &u[(k - known) * m..k * m + now.len()],
+                later: INSTANTS * m - now.len(),
+                outputs: &y_before[(k - known) * p..],
+                states: &x_before[(k - states) * n..],
+            };
+            let sums = turn.times(table);
+            let (of_x, of_y) = sums.as_flattened().split_at(self.panels[0] * WIDTH);
+            x[..of_x.len()].copy_from_slice(of_x);
+            y[..of_y.len()].copy_from_slice(of_y);
+        }
+    }
+}
+
+impl Turn<'_> {
+    /// [X; Y] h.
+    #[inline(always)]
+    fn times<const P: usize>(&self, table: &[[Column; P]]) -> [Column; P] {
+        let mut sums = [[0.0; WIDTH]; P];
+        let (inputs, rest) = table[self.skipped..].split_at(self.inputs.len());
+        for (columns, u) in inputs.iter().zip(self.inputs) {
+            for (sum, column) in sums.iter_mut().zip(columns) {
+                add(sum, column, *u);
+            }
+        }
+        if self.states.is_empty() {
+            return sums;
+        }
+        let (outputs, states) = rest[self.later..].split_at(self.outputs.len());
+        for (columns, y) in outputs.iter().zip(self.outputs) {
+            for (sum, column) in sums.iter_mut().zip(columns) {
+                add(sum, column, *y);
+            }
+        }
+        for (columns, x) in states.iter().zip(self.states) {
+            for (sum, column) in sums.iter_mut().zip(columns) {
+                add(sum, column, *x);
+            }
+        }
+        sums
+    }
+}
