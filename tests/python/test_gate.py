@@ -77,7 +77,7 @@ def test_known_inputs_and_bounds(weights, seed):
     at[:40], spoilt[:40] = False, case.Y[:40]
     lost = rng.random(spoilt.shape) < 0.05
     spoilt, at = np.where(lost, np.nan, spoilt), at & ~lost
-    settings = {"weights": weights, "x_bounds": (-60.0, 60.0), "start": "recording"}
+    settings = {"weights": weights, "x_bounds": (-500.0, 500.0), "start": "recording"}
     log = ddmhe.DdMhe(case.history, gate=6.0, **settings).run(spoilt, case.U)
     np.testing.assert_array_equal(log.evidence.gated, at)
     missing = ddmhe.DdMhe(case.history, **settings).run(np.where(at, np.nan, spoilt), case.U)

@@ -1,7 +1,7 @@
 //! What a step returns, with its evidence.
 
+use ddmhe_run::alone::Alone;
 use ddmhe_run::evidence::Rule;
-use ddmhe_run::memory::Alone;
 use ddmhe_run::{Reasons, Status};
 use serde::{Deserialize, Serialize};
 
