@@ -12,7 +12,7 @@ import select
 import signal
 import sys
 from collections.abc import Callable, Iterator
-from dataclasses import asdict
+from dataclasses import asdict, fields
 from pathlib import Path
 from typing import Any, TextIO
 
@@ -174,8 +174,8 @@ def _opened(out: Path | None, resumed: bool) -> Any:
 def _begun(lines: Lines, source: Iterator[str], given: dict[str, Any]) -> tuple[Recorded, Stream]:
     """The recording at the beginning of a stream, and where the stream goes on."""
     columns = (given["state"], given["output"], given.get("input") or ())
-    known = Reading.__dataclass_fields__
-    how = Reading(**{k: given[k] or known[k].default for k in known})
+    usual: dict[str, Any] = {option.name: option.default for option in fields(Reading)}
+    how = Reading(**{name: given[name] or value for name, value in usual.items()})
     parts = [pick(other, columns, how) for other in given["recording"]]
     head: list[str] = []
     wanted = FIRST
