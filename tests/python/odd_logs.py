@@ -125,6 +125,11 @@ def habits():
         "minutes": clock([f"{t / 60:.12g}" for t in at], "time (min)"),
         "mixed-line-ends": plain.replace("\n", "\r\n", 100),
         "a-list-of-names-above": text(above=["units,w2,w1,q1", "x,w2,w1,q1"]),
+        "a-time-that-stands": (
+            text(["exposure_time_ms", *HEAD[1:]], [["8", *r[1:]] for r in ROWS]),
+            {"dt": DT},
+        ),
+        "newest-first": (text(rows=ROWS[::-1]), {"sort": True}),
         "carriage-returns": text(end="\r"),
         "no-last-line-end": plain.rstrip(),
         "cut-in-the-last-row": plain + "4.8,0.1",

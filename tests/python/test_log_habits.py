@@ -134,6 +134,11 @@ ASKED = {
         text(["time", "clock", *HEAD[1:]], [[f"{float(r[0]) + 0.5}", *r] for r in ROWS]),
         "'time', 'clock' may each be the clock; --time",
     ),
+    "a time that stands": (
+        text(["exposure_time_ms", *HEAD[1:]], [["8", *r[1:]] for r in ROWS]),
+        "no column is known as the time.*--dt",
+    ),
+    "newest first": (text(rows=ROWS[::-1]), "line 3.*--sort puts the rows in the order of time"),
     "no clock": (text(HEAD[1:], [r[1:] for r in ROWS]), "no column is known as the time.*--dt"),
     "dates that begin with day or month": (
         clock([f"{1 + k // 200}/5/2024 12:00:{DT * k % 60:05.2f}" for k in range(N)], "time"),

@@ -113,9 +113,7 @@ def _radii(given: dict[str, Any]) -> dict[str, Any]:
     radii = {f"--{end}-radius": given[f"{end}_radius"] for end in "wv"}
     if all(value is None for value in radii.values()):
         radii = dict.fromkeys(radii, "auto")
-    needed = {f"--{key}": given[key] for key in ("state", "output")} | radii
-    if not given["recording"]:
-        needed["--history"] = given["history"]
+    needed = {f"--{key}": given[key] for key in ("state", "output", "history")} | radii
     for name, value in needed.items():
         if value is None or (isinstance(value, tuple) and not value):
             raise click.UsageError(f"{name}: expected with a log, found none")
@@ -159,7 +157,7 @@ def _write(out: Path, samples: Log, split: Recorded, bounds: Any) -> list[Path]:
     columns = [name + "_" * (name == samples.names.time) for name in columns]
     values = np.stack([bounds.lower, bounds.upper], axis=2).reshape(len(bounds.lower), -1)
     values = np.where(np.isfinite(values), values, np.nan)
-    report.write_estimates(written[0], samples.names.time, split.t, columns, values)
+    report.write_estimates(written[0], samples.names.time, split.stamps, columns, values)
     with np.errstate(over="ignore"):
         drawn = np.isfinite(bounds.upper - bounds.lower).any(axis=0).all()
     if drawn:

@@ -21,6 +21,8 @@ __all__ = ["time_column", "with_joined_time"]
 
 LOOKED_AT = 2000
 """Cells of a column that are looked at."""
+HALF = 0.5
+"""A column of which fewer steps go one way is no clock, whatever its name."""
 RISING = 0.9
 """Share of steps upwards that a clock's column has at least."""
 _SECONDS = re.compile(r"(?P<stem>.*?)(?P<word>secs?|seconds)\Z", re.IGNORECASE)
@@ -39,6 +41,7 @@ def time_column(table: Table, asked: Names, time: str | None) -> tuple[str, str]
     named = [name for name in table.header if is_time_name(name) and name not in own]
     for name in named:
         table.find("time", name)  # once in the header
+    named = [name for name in named if not _stays(table, name)]
     if len(named) > 1:
         named = _clearest(table, named)
     if len(named) > 1:
@@ -111,6 +114,15 @@ def _numbers(cells: Cells, decimal: str) -> np.ndarray | None:
         return np.asarray(cells[:LOOKED_AT], float) if cells.dtype.kind in "fiu" else None
     values = [number(cell, decimal) for cell in cells[:LOOKED_AT]]
     return None if None in values else np.array(values, dtype=np.float64)
+
+
+def _stays(table: Table, name: str) -> bool:
+    """Whether a column of numbers neither rises nor falls as a clock does."""
+    values = _numbers(table.column(name), table.decimal)
+    if values is None or values.size < 3:
+        return False
+    steps = np.diff(values)
+    return bool(max(np.mean(steps > 0), np.mean(steps < 0)) < HALF)
 
 
 def _runs(table: Table, name: str) -> bool:

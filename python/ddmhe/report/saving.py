@@ -23,7 +23,7 @@ __all__ = ["save_figure", "write_estimates"]
 def write_estimates(
     path: Path,
     time: str,
-    t: Array,
+    t: Any,
     names: Sequence[str],
     x_hat: Array,
     beside: Mapping[str, Any] | None = None,
