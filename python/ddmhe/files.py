@@ -61,7 +61,7 @@ def check_writable(path: str | Path) -> None:
         reason = "Permission denied"
     else:
         return
-    raise FileError(f"{path}: expected to be able to write this file, found: {reason}")
+    raise FileError(f"{file_words(path)}: expected to be able to write this file, found: {reason}")
 
 
 def write_text(path: str | Path, text: str) -> None:

@@ -19,7 +19,7 @@ from typing import Any, TextIO
 import numpy as np
 
 from ddmhe._core import DdMhe, DdmheError, Estimate
-from ddmhe.checks import check_path
+from ddmhe.checks import check_path, file_words, one_line, reason
 from ddmhe.cli.printing import warn
 from ddmhe.cli.telling import in_words_of
 from ddmhe.files import write
@@ -51,7 +51,8 @@ class Lines:
             self.fd = os.open(log, os.O_RDONLY) if self.file else sys.stdin.fileno()
         except OSError as e:
             raise LogError(
-                f"{log}: expected a readable log file, found that it is not ({e.strerror})"
+                f"{file_words(log)}: expected a readable log file, found that it is not "
+                f"({e.strerror})"
             ) from e
         if self.file:
             os.lseek(self.fd, offset, os.SEEK_SET)
@@ -150,7 +151,8 @@ def follow(
         begun, stream = _begun(lines, source, given)
         est = DdMhe(begun.history, **settings(begun.goes_on))
         names, time = list(begun.names.state), begun.names.time
-        print(f"ddmhe: {begun.log.path}: {'; '.join(begun.notes)}", file=sys.stderr)
+        notes = one_line("; ".join(begun.notes))
+        print(f"ddmhe: {begun.log.path}: {notes}", file=sys.stderr)
         for sentence in in_words_of(begun.names, est.warnings):
             warn(sentence)
     with _opened(out, begun is None) as target:
@@ -287,4 +289,6 @@ def _restored(log: Path, path: Path) -> tuple[DdMhe, Stream, Lines, list[str], s
     except (OSError, ValueError, KeyError, TypeError) as e:
         if isinstance(e, DdmheError):
             raise
-        raise LogError(f"{path}: expected a snapshot of --follow, found another file ({e})") from e
+        raise LogError(
+            f"{file_words(path)}: expected a snapshot of --follow, found another file ({reason(e)})"
+        ) from e

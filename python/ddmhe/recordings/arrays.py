@@ -125,7 +125,7 @@ def array_table(
             if len(everything.columns[k]) != size:
                 raise LogError(
                     f"{path}: expected columns of one length, found {size} rows of "
-                    f"{known[0][0]!r} and {len(everything.columns[k])} of {shown(name)}"
+                    f"{shown(known[0][0])} and {len(everything.columns[k])} of {shown(name)}"
                 )
     else:
         size = Counter(map(len, columns.values())).most_common(1)[0][0]

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ddmhe.checks import check_path, shown
+from ddmhe.checks import check_path, shown, word
 from ddmhe.recordings.cells import check_columns, column, words_for_nothing
 from ddmhe.recordings.clock import first_row, jitter, nominal_step, samples_of, start_of
 from ddmhe.recordings.delays import checked_delay, moved_back, whole_samples
@@ -123,7 +123,7 @@ def _resolved(table: Table, names: Names) -> list[str]:
     """What is said of names that are the end of a path."""
     every = dict.fromkeys((*names.state, *names.output, *names.input))
     pairs = [(name, table.header[k]) for name in every if (k := table.index(name)) is not None]
-    ends = [f"{name} is {path}" for name, path in pairs if name != path]
+    ends = [f"{word(name)} is {word(path)}" for name, path in pairs if name != path]
     return [f"columns: {', '.join(ends)}"] if ends else []
 
 
@@ -185,9 +185,9 @@ def _of_words(table: Table, names: Sequence[str]) -> list[str]:
     """What is said of words that mean "not measured"."""
     words: dict[str, int] = {}
     for name in names:
-        for word, count in words_for_nothing(table, name).items():
-            words[word] = words.get(word, 0) + count
-    told = ", ".join(f"{word!r} ({count})" for word, count in words.items())
+        for text, count in words_for_nothing(table, name).items():
+            words[text] = words.get(text, 0) + count
+    told = ", ".join(f"{shown(text)} ({count})" for text, count in words.items())
     return [f"taken as not measured: {told}"] if words else []
 
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ddmhe.checks import shown
+from ddmhe.checks import reason, shown
 from ddmhe.recordings.arrays import frame_table
 from ddmhe.recordings.errors import LogError
 from ddmhe.recordings.table import Cells, Table
@@ -22,7 +22,7 @@ def json_table(path: str, data: bytes, asked: Sequence[str], encoding: str | Non
     text, _ = decode(path, data, encoding)
     try:
         whole = json.loads(text)
-    except json.JSONDecodeError:
+    except (ValueError, RecursionError):  # a number may have too many digits
         return table_of_objects(path, list(_lines(path, text)))
     if isinstance(whole, Mapping) and all(isinstance(v, list) for v in whole.values()):
         return frame_table(path, {k: np.array(v, dtype=object) for k, v in whole.items()}, asked)
@@ -38,10 +38,9 @@ def _lines(path: str, text: str) -> Iterator[tuple[int, Any]]:
             continue
         try:
             row = json.loads(words)
-        except json.JSONDecodeError as e:
+        except (ValueError, RecursionError) as e:
             raise LogError(
-                f"{path}, line {line}: expected a JSON object, found none ({e.msg} at column "
-                f"{e.colno})"
+                f"{path}, line {line}: expected a JSON object, found none ({reason(e)})"
             ) from None
         if not isinstance(row, Mapping):
             raise LogError(f"{path}, line {line}: expected a JSON object, found {shown(words)}")

@@ -122,7 +122,7 @@ class RowFormat:
                     return (value - self.since) / self.per_second, value
         except ValueError:
             pass
-        raise LogError(f"column {self.time!r}: expected a time, found {shown(cell)}")
+        raise LogError(f"column {shown(self.time)}: expected a time, found {shown(cell)}")
 
     def later(self, written: Any, seconds: float) -> Any:
         """A time as it would be written, some seconds later."""
@@ -141,7 +141,7 @@ def _of_json(line: str) -> dict[str, str]:
 
     try:
         row = json.loads(line)
-    except json.JSONDecodeError:
+    except (ValueError, RecursionError):
         row = None
     if not isinstance(row, Mapping):
         raise LogError(f"expected a JSON object, found {shown(line)}")

@@ -9,7 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ddmhe.checks import shown
+from ddmhe.checks import MOST_LISTED, listed, shown
 from ddmhe.recordings.cells import number
 from ddmhe.recordings.errors import LogError, Names
 from ddmhe.recordings.stamp_texts import is_stamp
@@ -46,8 +46,8 @@ def time_column(table: Table, asked: Names, time: str | None) -> tuple[str, str]
         named = _clearest(table, named)
     if len(named) > 1:
         raise LogError(
-            f"{table.path}: columns {', '.join(map(repr, named))} may each be the clock; --time "
-            "says which"
+            f"{table.path}: columns {', '.join(map(shown, named[:MOST_LISTED]))} may each be the "
+            "clock; --time says which"
         )
     if named:
         return named[0], "time column"
@@ -70,7 +70,7 @@ def _first(table: Table, own: set[str], asked: Names) -> tuple[str, str]:
     values = None if other else _numbers(table.columns[0], table.decimal)
     if values is None or values.size < 2 or not np.all(np.isfinite(values)):
         raise LogError(
-            f"{table.path}: no column is known as the time (columns: {', '.join(table.header)}); "
+            f"{table.path}: no column is known as the time (columns: {listed(table.header)}); "
             "--time NAME says which one is, --dt SECONDS stands for one"
         )
     steps = np.diff(values)
@@ -161,7 +161,7 @@ def with_joined_time(table: Table) -> Table:
     header = [name, *(table.header[k] for k in kept)]
     columns = [cells, *(table.columns[k] for k in kept)]
     units = {k: v for k, v in table.units.items() if k not in names}
-    told = f"time of columns {' and '.join(map(repr, names))}"
+    told = f"time of columns {' and '.join(map(shown, names))}"
     return replace(table, header=header, columns=columns, units=units).noted(told)
 
 
@@ -191,7 +191,10 @@ def _seconds_and_nanos(table: Table) -> tuple[tuple[str, str], list[str]] | None
         whole, part = table.column(name), table.column(beside[0])
         try:
             pairs = [(int(s), int(n)) for s, n in zip(whole, part, strict=True)]
-        except ValueError:
+        except (ValueError, OverflowError):
+            continue
+        of_floats = [c for c in (whole, part) if isinstance(c, np.ndarray) and c.dtype.kind == "f"]
+        if any((column != np.rint(column)).any() for column in of_floats):
             continue
         if all(0 <= n < 10**9 and s >= 0 for s, n in pairs):
             return (name, beside[0]), [f"{s}.{n:09d}" for s, n in pairs]

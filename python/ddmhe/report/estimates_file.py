@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ddmhe._core import Log as Estimates
-from ddmhe.checks import check_path
+from ddmhe.checks import check_path, file_words, shown
 from ddmhe.files import FileError, write, write_text
 from ddmhe.recordings.libraries import library
 from ddmhe.recordings.reading import Recorded
@@ -89,7 +89,8 @@ def check_ending(path: Path) -> None:
     """FileError for an ending that no format has, or that needs a library which is not there."""
     if path.suffix.lower() not in ENDINGS:
         raise FileError(
-            f"{path}: expected a file ending in {', '.join(ENDINGS)}, found {path.suffix!r}"
+            f"{file_words(path)}: expected a file ending in {', '.join(ENDINGS)}, found "
+            f"{shown(path.suffix)}"
         )
     if path.suffix.lower() == ".parquet":
         library("pyarrow.parquet", str(path), "a Parquet file")
