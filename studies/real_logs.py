@@ -72,8 +72,8 @@ def _tests(name, task) -> list[Test]:
 
 def estimator(test: Test, **settings) -> ddmhe.DdMhe:
     """At the start of a test."""
-    start = "recording" if test.x_start is None else "state"
-    est = ddmhe.DdMhe(test.log.history, **{"start": start} | settings)
-    if test.x_start is not None:
-        est.reset(test.x_start)
+    if test.x_start is None:
+        return ddmhe.DdMhe(test.log.history, **settings)
+    est = ddmhe.DdMhe(test.log.history, **{"start": "state"} | settings)
+    est.reset(test.x_start)
     return est
