@@ -23,7 +23,7 @@ from late_outputs import late_tables
 from output_faults import Case, Fault, Faulty, cases, faults
 from real_logs import Test
 
-RUNS = int(os.environ.get("RUNS", "40"))
+RUNS = int(os.environ.get("RUNS", "20"))
 GATE = None if os.environ.get("GATE") == "none" else os.environ.get("GATE", "auto")
 """Of the gate's columns."""
 FIRST = 40_000
@@ -213,7 +213,7 @@ def main() -> None:
 
 
 def page(by_case, stuck, late, gate, bench, begun: float) -> list[str]:
-    """The half of the page; `late`, `gate` and `bench` are rows of what was asked for, and lines."""
+    """The half of the page; of `late`, `gate`, `bench` rows of what was asked for, and lines."""
     took = (time.monotonic() - begun) / 60
     rows = [*stuck, *alarm_rows(by_case), *late[0], *gate[0], *bench[0]]
     lines = [WORDS, f"Run in {took:.1f} minutes of one core.", ""]
