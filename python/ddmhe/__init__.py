@@ -42,14 +42,14 @@ from ddmhe._core import (
 from ddmhe.reasons import Reason
 
 if TYPE_CHECKING:
-    from ddmhe import baselines, design, interval, report
+    from ddmhe import baselines, design, interval, recordings, report
     from ddmhe.tuning import Tuning, tune
 
 __version__ = _version("ddmhe")
 
 # Loaded on first use, as cvxpy is by what runs a programme: they take longer to import than an
 # estimator to build.
-_MODULES = ("baselines", "design", "interval", "report")
+_MODULES = ("baselines", "design", "interval", "recordings", "report")
 _LAZY = {name: f"ddmhe.{name}" for name in _MODULES} | {
     "tune": "ddmhe.tuning",
     "Tuning": "ddmhe.tuning",
@@ -89,6 +89,7 @@ __all__ = [
     "design",
     "interval",
     "models",
+    "recordings",
     "report",
     "run_many",
     "tune",

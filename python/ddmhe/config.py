@@ -53,7 +53,15 @@ else:
 
 Space = Exact | Truncated | Ridge | str
 
-__all__ = ["READING", "ConfigError", "Space", "read_config", "space_from_text", "write_config"]
+__all__ = [
+    "READING",
+    "ConfigError",
+    "Space",
+    "plain_settings",
+    "read_config",
+    "space_from_text",
+    "write_config",
+]
 
 
 READING = ("missing",)
@@ -216,6 +224,11 @@ def write_config(path: str | Path, settings: Mapping[str, Any]) -> None:
             f"settings: expected keywords of DdMhe that a file can hold, found others ({reason(e)})"
         ) from e
     write_text(path, text)
+
+
+def plain_settings(settings: Mapping[str, Any]) -> dict[str, Any]:
+    """Settings in values of JSON."""
+    return {key: _plain(value) for key, value in settings.items()}
 
 
 def _plain(value: Any) -> Any:

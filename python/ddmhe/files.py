@@ -10,7 +10,7 @@ from pathlib import Path
 from ddmhe._core import DdmheError
 from ddmhe.checks import check_path, file_words
 
-__all__ = ["FileError", "write", "write_text"]
+__all__ = ["FileError", "check_writable", "write", "write_text"]
 
 
 class FileError(DdmheError):
@@ -45,6 +45,23 @@ def _beside(place: Path, save: Callable[[Path], object]) -> None:
         beside.replace(place)
     finally:
         beside.unlink(missing_ok=True)
+
+
+def check_writable(path: str | Path) -> None:
+    """FileError if a file cannot be written there, as far as that shows beforehand."""
+    check_path("path", path)
+    above = Path(os.path.realpath(path)).parent
+    while not above.exists() and above != above.parent:
+        above = above.parent
+    if Path(path).is_dir():
+        reason = "Is a directory"
+    elif not above.is_dir():
+        reason = "Not a directory"
+    elif not os.access(path if Path(path).exists() else above, os.W_OK):
+        reason = "Permission denied"
+    else:
+        return
+    raise FileError(f"{path}: expected to be able to write this file, found: {reason}")
 
 
 def write_text(path: str | Path, text: str) -> None:

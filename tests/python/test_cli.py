@@ -94,7 +94,7 @@ WRONG = [
         ["cell.csv", "line 12", "'tx'", "'n/a?'"],
     ),
     (
-        ["estimate", "hole.csv", *COLUMNS, "--history", "20"],
+        ["estimate", "hole.csv", *COLUMNS, "--history", "20", "--gaps", "error"],
         ["hole.csv", "line 12", "'wy'", "inside the history"],
     ),
     (

@@ -5,6 +5,8 @@ from pathlib import Path
 
 import pytest
 
+import odd_logs
+
 ROOT = Path(__file__).parents[2]
 PAGES = [*ROOT.glob("*.md"), *ROOT.glob("docs/**/*.md")]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
@@ -24,6 +26,17 @@ def test_python_example_runs(capsys):
     assert f"{before} before, {after} after" in README
     assert "Guaranteed for every system" in printed
     assert float(re.search(r"largest error (\S+)", printed)[1]) < 1e-6  # of speeds of size 1
+
+
+def test_a_log_is_read_as_the_docs_have_it(capsys, tmp_path, monkeypatch):
+    (tmp_path / "log.csv").write_bytes(odd_logs.habits()["milliseconds"][0])
+    monkeypatch.chdir(tmp_path)
+    text = (ROOT / "docs" / "logs.md").read_text(encoding="utf-8")
+    (block,) = re.findall(r"```python\n(.*?)```", text, re.DOTALL)
+    exec(compile(f"import ddmhe\n{block.replace('6.0', '3.0')}", "logs.md", "exec"), {})
+    printed = capsys.readouterr().out
+    assert "Names(time='time_ms', state=('w1', 'w2'), output=('q1',), input=())" in printed
+    assert "time column 'time_ms' in ms" in printed
 
 
 def test_the_paper_in_one_call_as_the_docs_have_it(capsys):

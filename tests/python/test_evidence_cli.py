@@ -15,6 +15,7 @@ from ddmhe.report.trust import Trust, reason_words, share_words
 
 ESTIMATE = ("estimate", "log.csv", *COLUMNS, "--history", 20, "--out", "est.csv")
 BESIDE = [*(f"{name}_std" for name in STATE), "trusted", "reasons"]
+WITH_EVIDENCE = ["t", *STATE, *BESIDE, "status"]
 WORDS = {1: "novel", 2: "uncertain", 4: "stuck", 8: "outside"}
 
 
@@ -34,7 +35,7 @@ def test_the_file_says_how_far_to_trust_each_estimate(recording, here):
     result = in_a_process(*ESTIMATE, cwd=here)
     assert result.returncode == 0, result.stderr
     written = pd.read_csv(here / "est.csv", keep_default_na=False)
-    assert list(written.columns) == ["t", *STATE, *BESIDE]
+    assert list(written.columns)[: len(WITH_EVIDENCE)] == WITH_EVIDENCE
     log = run_of(recording)
     np.testing.assert_allclose(written[BESIDE[:3]], log.std, rtol=1e-9)
     np.testing.assert_array_equal(written["trusted"], log.trusted.astype(int))
@@ -102,12 +103,14 @@ def test_without_evidence_all_is_as_it_was(recording, here, way):
     result = in_here(*ESTIMATE, *given, "--plot", "est.svg", cwd=here)
     assert (result.returncode, result.stderr) == (0, "")
     written = pd.read_csv(here / "est.csv")
-    assert list(written.columns) == ["t", *STATE]
+    truth = [f"{name}_true" for name in STATE]
+    assert list(written.columns) == ["t", *STATE, "status", *truth, "filled"]
     np.testing.assert_allclose(written[STATE], run_of(recording, evidence=False).x, rtol=1e-9)
     for words in ("trust", "3 sd", "promised"):
         assert words not in result.stdout
     result = in_here(*ESTIMATE, "--config", "est.toml", "--evidence", cwd=here)
-    assert list(pd.read_csv(here / "est.csv").columns) == ["t", *STATE, *BESIDE]
+    written = list(pd.read_csv(here / "est.csv").columns)
+    assert written[: len(WITH_EVIDENCE)] == WITH_EVIDENCE
 
 
 @pytest.mark.parametrize("noise", [(0.05,), (0.02, 0.05, 0.1)])
@@ -157,7 +160,7 @@ def test_names_of_states_are_kept_and_others_make_way(frame, tmp_path):
         "estimate", "log.csv", *columns, "--history", 20, "--out", "est.csv", cwd=tmp_path
     )
     assert result.returncode == 0, result.stderr
-    assert list(pd.read_csv(tmp_path / "est.csv").columns) == [
+    assert list(pd.read_csv(tmp_path / "est.csv").columns)[:9] == [
         *("reasons", "a", "a_std", "trusted"),
         *("a_std_", "a_std_std", "trusted_std", "trusted_", "reasons_"),
     ]

@@ -12,7 +12,7 @@ from ddmhe import report
 from ddmhe.checks import word
 from ddmhe.cli.options import directory_option, log_options
 from ddmhe.cli.printing import print_written
-from ddmhe.cli.reading import read
+from ddmhe.cli.reading import print_notes, read
 from ddmhe.config import write_config
 
 __all__ = ["command"]
@@ -67,6 +67,7 @@ def command(
     write_config(written[0], {"certificate": certificate})
     report.save_figure(pole_figure(model, placement), written[1])
     console = Console()
+    print_notes(console, split)
     console.print(
         report.design(f"Design from {word(log.name)}", split.history, model, placement, certificate)
     )

@@ -16,8 +16,8 @@ from ddmhe._core import DdmheError
 from ddmhe.checks import one_line, word
 from ddmhe.cli.options import directory_option, radius, reading_options
 from ddmhe.cli.printing import print_written
-from ddmhe.cli.reading import read
-from ddmhe.logs import Log, Split
+from ddmhe.cli.reading import print_notes, read
+from ddmhe.recordings import Log, Recorded
 
 __all__ = ["command"]
 
@@ -93,6 +93,7 @@ def _log(log: Path, out: Path, given: dict[str, Any]) -> None:
         )
     verdict = judge(bounds.lower, bounds.upper, (model.lower, model.upper), split.t, names[0])
     console = Console()
+    print_notes(console, split)
     console.print(
         report.table(f"Intervals of {word(log.name)}", {"": _rows(model, bounds, split, names)})
     )
@@ -120,7 +121,7 @@ def _radii(given: dict[str, Any]) -> dict[str, Any]:
 
 
 def _rows(
-    model: Any, bounds: Any, split: Split, names: tuple[tuple[str, ...], tuple[str, ...]]
+    model: Any, bounds: Any, split: Recorded, names: tuple[tuple[str, ...], tuple[str, ...]]
 ) -> Any:
     """What the table of `interval LOG` shows."""
     with np.errstate(over="ignore"):
@@ -144,7 +145,7 @@ def _rows(
     return rows
 
 
-def _write(out: Path, samples: Log, split: Split, bounds: Any) -> list[Path]:
+def _write(out: Path, samples: Log, split: Recorded, bounds: Any) -> list[Path]:
     """interval.csv, with empty cells where no finite bound is known, and interval.png if there is
     anything to draw."""
     from ddmhe.report.figures import intervals_figure
@@ -156,7 +157,7 @@ def _write(out: Path, samples: Log, split: Split, bounds: Any) -> list[Path]:
     columns = [name + "_" * (name == samples.names.time) for name in columns]
     values = np.stack([bounds.lower, bounds.upper], axis=2).reshape(len(bounds.lower), -1)
     values = np.where(np.isfinite(values), values, np.nan)
-    report.write_estimates(written[0], samples.names.time, split.t, columns, values)
+    report.write_estimates(written[0], samples.names.time, split.stamps, columns, values)
     with np.errstate(over="ignore"):
         drawn = np.isfinite(bounds.upper - bounds.lower).any(axis=0).all()
     if drawn:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -11,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ddmhe.checks import shown
+from ddmhe.recordings.order import DUPLICATES
 
 Array = NDArray[np.float64]
 
@@ -18,10 +20,16 @@ __all__ = ["deviations", "directory_option", "log_options", "radius", "reading_o
 
 
 def names(ctx: click.Context, param: click.Parameter, value: str | None) -> tuple[str, ...]:
-    """Column names from a comma-separated list."""
+    """Column names from a comma-separated list; a name with a comma may be quoted."""
     if value is None:  # `interval pendulum` needs none
         return ()
-    names = tuple(part.strip() for part in value.split(","))
+    try:
+        (parts,) = (
+            csv.reader([value], skipinitialspace=True) if '"' in value else [value.split(",")]
+        )
+    except (csv.Error, ValueError):
+        parts = value.split(",")
+    names = tuple(part.strip() for part in parts)
     if "" in names:
         raise click.BadParameter(f"expected column names separated by commas, found {shown(value)}")
     return names
@@ -103,11 +111,15 @@ def _parsed(value: str) -> tuple[float, ...]:
 
 
 _HOW_TO_READ: list[Callable[[Any], Any]] = [
-    click.option("--time", metavar="NAME", help="Column of the time, s.  [default: the first]"),
+    click.option(
+        "--time", metavar="NAME", help="Column of the time.  [default: the one that says so]"
+    ),
+    click.option("--time-unit", metavar="UNIT", help="s, ms, us, ns, min, h or days."),
+    click.option("--dt", type=float, metavar="S", help="The step, s, of a log without times."),
     click.option(
         "--start",
-        type=float,
-        help="Where the recording begins, s of the log's clock.  [default: first row]",
+        metavar="S|DATE",
+        help="Where the recording begins, on the log's clock.  [default: first row]",
     ),
     click.option(
         "--decimate",
@@ -124,6 +136,20 @@ _HOW_TO_READ: list[Callable[[Any], Any]] = [
         show_default=True,
         help="A gap in the log: take the lacking samples as not measured, or refuse the log.",
     ),
+    click.option(
+        "--duplicates",
+        type=click.Choice(DUPLICATES),
+        default="error",
+        show_default=True,
+        help="Which row of a repeated time counts.",
+    ),
+    click.option("--sort", is_flag=True, help="Put the rows in the order of time."),
+    click.option("--sep", metavar="C", help="What parts the cells; tab, space.  [default: seen]"),
+    click.option("--decimal", metavar=".|,", help="Decimal mark.  [default: seen]"),
+    click.option(
+        "--comment", metavar="C", help="What a comment begins with.  [default: #, %, // at first]"
+    ),
+    click.option("--encoding", metavar="NAME", help="Like latin-1.  [default: seen]"),
     click.option(
         "--missing",
         callback=numbers,
@@ -157,11 +183,12 @@ def reading_options(required: bool) -> Callable[[Any], Any]:
     options = [
         columns("--state", "Columns of the state."),
         columns("--output", "Columns of the output."),
+        click.option("--history", type=float, help="Length of the recording to learn from, s."),
         click.option(
-            "--history",
-            type=float,
-            required=required,
-            help="Length of the recording to learn from, s.",
+            "--recording",
+            multiple=True,
+            metavar="FILE[:A..B]",
+            help="Another recording of the system, from A to B s; may be repeated.",
         ),
         *_HOW_TO_READ,
     ]

@@ -26,7 +26,8 @@ def print_warnings(console: Console, prefix: str, warnings: Iterable[str]) -> No
         )
 
 
-def print_written(console: Console, paths: list[Path]) -> None:
-    """The paths, one a line."""
+def print_written(console: Console, paths: list[Path], replaced: Iterable[Path] = ()) -> None:
+    """The paths, one a line, and whether a file was there before."""
     for path in paths:
-        console.print(f"wrote {file_words(path)}", markup=False, highlight=False, soft_wrap=True)
+        done = "replaced" if path in replaced else "wrote"
+        console.print(f"{done} {file_words(path)}", markup=False, highlight=False, soft_wrap=True)

@@ -3,46 +3,63 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
+from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
+import click
+from rich.console import Console
+
 from ddmhe._core import History, wrapped_angle
-from ddmhe.checks import file_words, shown, word
+from ddmhe.checks import file_words, one_line, shown, word
 from ddmhe.cli.printing import warn
 from ddmhe.cli.telling import in_words_of
-from ddmhe.logs import Log, Names, Split, read_log
+from ddmhe.recordings.csv_log import log_of
+from ddmhe.recordings.errors import Names
+from ddmhe.recordings.log import Log
 from ddmhe.recordings.oddities import far_out
+from ddmhe.recordings.options import Reading
+from ddmhe.recordings.reading import Recorded, pick, recorded_of
 
-__all__ = ["read", "untold"]
+__all__ = ["print_notes", "read", "untold"]
 
 
 SHOWN = 3
 """How many values and lines a warning names."""
 
 
-def read(log: Path, given: dict[str, Any]) -> tuple[Log, Split]:
-    """The samples of a log and their split after the history; takes the options of `log_options`
+def read(log: Path, given: dict[str, Any]) -> tuple[Log, Recorded]:
+    """The samples of a log and what an estimator takes of it; takes the options of `log_options`
     out of `given`.
 
     What sits oddly in a column is pointed out on stderr.
     """
-    columns = [given.pop(name) for name in ("state", "output", "time", "start", "decimate")]
-    samples = read_log(
-        log,
-        *columns,
-        input=given.pop("input", ()),
-        missing=given.pop("missing") or (),
-        unwrap=given.pop("unwrap"),
-        delay=given.pop("delay") or 0.0,
+    columns = tuple(given.pop(name, ()) for name in ("state", "output", "input"))
+    history, recording, gaps = (given.pop(name) for name in ("history", "recording", "gaps"))
+    if history is None and not recording:
+        raise click.UsageError("Missing option '--history' (or '--recording').")
+    options = {option.name: given.pop(option.name) for option in fields(Reading)}
+    how = Reading(
+        **options | {"missing": options["missing"] or (), "delay": options["delay"] or 0.0}
     )
-    for sentence in _oddities(samples):
-        warn(sentence)
-    samples = samples.fill_gaps() if given.pop("gaps") == "fill" else samples
-    split = samples.split(given.pop("history"))
-    late = late_words(split.history, samples.names)
+    samples = log_of(log, columns, how)
+    parts = [pick(source, columns, how) for source in recording]
+    for one in (*parts, samples):
+        for sentence in _oddities(one):
+            warn(sentence)
+    recorded = recorded_of(samples, parts, history, fill=gaps == "fill")
+    late = late_words(recorded.history, samples.names)
     if late:
-        warn(f"{file_words(log)}: {late}")
-    return samples, split
+        warn(f"{samples.path}: {late}")
+    return recorded.log, recorded
+
+
+def print_notes(console: Console, recorded: Recorded) -> None:
+    """What was inferred in reading, in one line."""
+    notes = "; ".join(recorded.notes)
+    if notes:
+        words = one_line(f"{recorded.log.path}: {notes}")
+        console.print(words, markup=False, highlight=False, soft_wrap=True)
 
 
 def late_words(history: History, names: Names) -> str:
@@ -76,15 +93,16 @@ def _oddities(log: Log) -> Iterator[str]:
             found = [f"{v:.10g}" for v in dict.fromkeys(values[rows])]
             lines = [str(line) for line in of_column[rows]]
             yield (
-                f"{path}, column {shown(name)}: {_some(found)} in line {_some(lines)} sits more "
-                "than 50 deviations out on its own; if it says not measured: --missing "
+                f"{path}, column {shown(name)}: {_some(found)} in {log.place} {_some(lines)} "
+                "sits more than 50 deviations out on its own; if it says not measured: --missing "
                 f"{','.join(found)}"
             )
         wrapped = wrapped_angle(values)
         if wrapped is not None:
             full, row = wrapped
             yield (
-                f"{path}, column {shown(name)}, line {of_column[row]}: looks like an angle that "
+                f"{path}, column {shown(name)}, {log.place} {of_column[row]}: looks like an "
+                "angle that "
                 f"jumps by a full turn of {full:.6g}, which no linear motion does; use its cosine "
                 f"and sine as two columns, or --unwrap {word(name)}"
             )

@@ -13,7 +13,7 @@ from ddmhe import report
 from ddmhe.checks import word
 from ddmhe.cli.options import directory_option, log_options
 from ddmhe.cli.printing import print_warnings, print_written
-from ddmhe.cli.reading import read, untold
+from ddmhe.cli.reading import print_notes, read, untold
 from ddmhe.config import write_config
 from ddmhe.files import write
 
@@ -56,6 +56,7 @@ def command(log: Path, out: Path, output_noise: float | None, rest: bool, **give
     write(written[1], lambda beside: found.table.to_csv(beside, index=False))
     report.save_figure(tuning_figure(found.table), written[2])
     console = Console()
+    print_notes(console, split)
     console.print(
         report.scores(
             f"Settings for {word(log.name)}, the ten best of {len(found.table)}",

@@ -1,7 +1,9 @@
-"""Recordings and logs from files: a CSV of samples in, a checked `Log` out, and its split into a
-history and the outputs that follow."""
+"""Recordings and logs from files and frames: `read` gives what an estimator needs, `read_log` a
+checked `Log` that splits into a history and the outputs that follow."""
 
 from ddmhe.recordings.csv_log import read_log
-from ddmhe.recordings.log import Gap, Log, LogError, Names, Split
+from ddmhe.recordings.errors import LogError, Names
+from ddmhe.recordings.log import Gap, Log, Split
+from ddmhe.recordings.reading import Recorded, read
 
-__all__ = ["Gap", "Log", "LogError", "Names", "Split", "read_log"]
+__all__ = ["Gap", "Log", "LogError", "Names", "Recorded", "Split", "read", "read_log"]

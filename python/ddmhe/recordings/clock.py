@@ -8,16 +8,16 @@ late stamps only L."""
 from __future__ import annotations
 
 import numpy as np
-import pandas as pd
 from numpy.typing import NDArray
 
 from ddmhe.checks import shown
-from ddmhe.recordings.cells import column
-from ddmhe.recordings.log import LogError
+from ddmhe.recordings.errors import LogError
+from ddmhe.recordings.stamp_texts import stamp_texts
+from ddmhe.recordings.stamps import SINCE, Stamps
 
 Array = NDArray[np.float64]
 
-__all__ = ["first_row", "nominal_step", "samples_of", "times"]
+__all__ = ["first_row", "jitter", "nominal_step", "samples_of", "start_of"]
 
 JITTER, JITTERY_SHARE = 0.25, 0.2
 """Steps off the nominal one by more than JITTER are bad; a log with more than this share of them is
@@ -28,6 +28,10 @@ missing."""
 LOOK = 5
 """Rows before and after a long step in which its envelope is taken; after it, one more for every
 step that it lasts."""
+LEAST_JITTER = 0.02
+"""Steps that vary by less than this share are not spoken of."""
+MOST_LOST = 2**40
+"""Lost rows beyond this many are not counted."""
 LONGEST_LOOK = 100
 """Beyond this many rows a nominal step that is off by 0.5 % would count as half a sample."""
 
@@ -46,27 +50,40 @@ def samples_of(t: Array) -> NDArray[np.int64]:
     for i in np.flatnonzero(steps > GAP * step):
         ahead = LOOK + min(int(steps[i] / step), LONGEST_LOOK)
         before = late[max(first, i + 1 - LOOK) : i + 1].min()
-        lost[i + 1] = max(round(float(late[i + 1 : i + 1 + ahead].min() - before)), 0)
+        rows = np.nan_to_num(late[i + 1 : i + 1 + ahead].min() - before)
+        lost[i + 1] = round(float(np.clip(rows, 0, MOST_LOST)))
         first = int(i) + 1 if lost[i + 1] else first
     return np.asarray(np.arange(t.size) + np.cumsum(lost), dtype=np.int64)
 
 
-def times(path: str, table: pd.DataFrame, name: str) -> Array:
-    """The column of times (N,), s; LogError unless every row has one and they strictly increase."""
-    t = column(path, table, name)
-    if np.isnan(t).any():
-        line = table.index[int(np.argmax(np.isnan(t)))]
-        raise LogError(
-            f"{path}, line {line}, column {shown(name)}: expected a time in seconds, found none"
-        )
-    back = np.diff(t) <= 0
-    if back.any():
-        row = int(np.argmax(back)) + 1
-        raise LogError(
-            f"{path}, line {table.index[row]}, column {shown(name)}: expected a time after the "
-            f"{t[row - 1]:.10g} s of the line before, found {t[row]:.10g} s"
-        )
-    return t
+def jitter(t: Array, step: float) -> list[str]:
+    """What is said of steps that vary; nothing of small ones, nor of lost rows."""
+    if t.size < 3 or not step > 0:
+        return []
+    steps = np.diff(t)
+    off = float(np.max(np.abs(steps[steps <= GAP * step] / step - 1), initial=0.0))
+    return [f"steps vary by up to {100 * off:.0f} %"] if off > LEAST_JITTER else []
+
+
+def start_of(path: str, stamps: Stamps, start: float | str) -> tuple[float, list[str]]:
+    """A start on the clock t of the stamps, s, and what is said of it: dates and times since 1970
+    are counted from the first row."""
+    if isinstance(start, str):
+        try:
+            return start_of(path, stamps, float(start))
+        except ValueError:
+            found = stamp_texts([start])
+        if found is None or stamps.ns is None:
+            raise LogError(
+                f"start: expected a time like the log's, s or a date, found {shown(start)}"
+            ) from None
+        return (int(found[0]) - stamps.since) / 1e9, []
+    if not stamps.since:
+        return float(start), []
+    if start >= SINCE:
+        since = stamps.since / 1e9 if stamps.ns is not None else stamps.since / stamps.per_second
+        return float(start) - since, []
+    return float(start), [f"start {start:g} s after the first row"]
 
 
 def first_row(path: str, t: Array, start: float) -> int:
@@ -96,6 +113,7 @@ def nominal_step(path: str, t: Array, nominal: float, decimate: int) -> float:
     if bad.mean() > JITTERY_SHARE:
         raise LogError(
             f"{path}: expected regular sampling, found {bad.mean():.0%} of the steps off the "
-            f"nominal {dt:.4g} s by more than {JITTER:.0%}"
+            f"nominal {dt:.4g} s by more than {JITTER:.0%}; resample the log to even steps, or "
+            "give --dt SECONDS if only the stamps are uneven"
         )
     return dt

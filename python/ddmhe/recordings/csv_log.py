@@ -1,4 +1,4 @@
-"""Reading a log: a CSV of samples in, a checked `Log` out.
+"""Reading a log: a file, a frame or standard input in, a checked `Log` out.
 
 Rows are numbered on the clock's grid before they are thinned, so that every k-th sample stays every
 k-th whatever is lost."""
@@ -7,22 +7,30 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ddmhe.checks import MOST, check_kind, check_path, file_words, shown
-from ddmhe.recordings.cells import check_columns, column, read_table, units_of_columns
-from ddmhe.recordings.clock import first_row, nominal_step, samples_of, times
+from ddmhe.checks import check_path, shown
+from ddmhe.recordings.cells import check_columns, column, words_for_nothing
+from ddmhe.recordings.clock import first_row, jitter, nominal_step, samples_of, start_of
 from ddmhe.recordings.delays import checked_delay, moved_back, whole_samples
-from ddmhe.recordings.log import LARGEST, Gap, Log, LogError, Names
+from ddmhe.recordings.errors import LogError, Names
+from ddmhe.recordings.log import Gap, Log
 from ddmhe.recordings.oddities import unwrapped
+from ddmhe.recordings.options import Reading, check_texts
+from ddmhe.recordings.order import Order, ordered, piece_of
+from ddmhe.recordings.sources import piece_in, table_of
+from ddmhe.recordings.stamps import Stamps, counted, read_stamps
+from ddmhe.recordings.table import Table
+from ddmhe.recordings.time_column import time_column, with_joined_time
 
 Array = NDArray[np.float64]
 
-__all__ = ["read_log"]
+__all__ = ["log_of", "log_with_table", "read_log"]
 
 
 def read_log(
@@ -30,27 +38,30 @@ def read_log(
     state: Sequence[str],
     output: Sequence[str],
     time: str | None = None,
-    start: float | None = None,
+    start: float | str | None = None,
     decimate: int = 1,
     *,
     input: Sequence[str] = (),
     missing: Sequence[float] = (),
     unwrap: Sequence[str] = (),
     delay: float | Mapping[str, float] = 0.0,
+    **how: Any,
 ) -> Log:
-    """Read a CSV log, keep samples 0, decimate, 2 decimate, … of its clock, and of these the ones
+    """Read a log, keep samples 0, decimate, 2 decimate, … of its clock, and of these the ones
     from time `start` on.
 
     Parameters
     ----------
     path
-        A CSV file with one header line, which a line of units may follow.
+        A file of samples under a header, in any format that docs/logs.md lists; "-" is standard
+        input.
     state, output
         Names of the state columns (n) and output columns (p); one column may be both.
     time
-        Name of the time column, in seconds; default the first column.
+        Name of the time column; default the one that says so, else the first.
     start
-        Time of the log's own clock, s; default the first row.
+        Time of the log's own clock, s, or a date as the log has them; default the first row. Times
+        since 1970 may be counted from the first row.
     decimate
         Keep every decimate-th sample, at least 1; one whose row is lost is a gap, the next ones
         stay in place.
@@ -67,6 +78,9 @@ def read_log(
         that it tells of; the last rows then have outputs that were not measured. A negative one
         moves an output ahead, and rows before the first such output are left out. A column that is
         also a state stays in place as a state.
+    how
+        The other options of `read`: time_unit, dt, sep, decimal, comment, encoding, duplicates,
+        sort.
 
     Raises
     ------
@@ -74,57 +88,107 @@ def read_log(
         One sentence naming the file, and the column and line where there is one.
     """
     check_path("path", path)
-    _check_options((state, output, input), unwrap, time, start, decimate)
-    numbers = checked_missing(missing)
-    late = checked_delay(delay, output)
-    name = file_words(path)
-    table = read_table(str(path))
-    header = list(table.columns)
-    first = header[0] if time is None else time
-    names = Names(first, tuple(state), tuple(output), tuple(input))
-    check_columns(name, header, names)
-    _check_unwrap(unwrap, names)
-    table, units = units_of_columns(name, table, names.time)
-    t = times(name, table, names.time)
-    nominal = decimate * float(np.median(np.diff(t))) if t.size > 1 else math.nan
+    options = Reading(time, start, decimate, missing, unwrap, delay=delay, **how)
+    return log_of(path, (state, output, input), options)
+
+
+def log_of(src: Any, columns: tuple[Any, Any, Any], how: Reading) -> Log:
+    """The log of a source: states, outputs and inputs by their names."""
+    return log_with_table(src, columns, how)[0]
+
+
+def log_with_table(
+    src: Any, columns: tuple[Any, Any, Any], how: Reading
+) -> tuple[Log, Table, Stamps]:
+    """The log, the table that it was made of, and the times of all its rows."""
+    for option, group in zip(("state", "output", "input"), columns, strict=True):
+        check_texts(option, group)
+    state, output, known = (tuple(group) for group in columns)
+    asked = (*output, *state, *known)  # outputs first: their stamps count where topics differ
+    src, piece = piece_in(src)
+    table = table_of(src, asked if how.time is None else (*asked, how.time), how)
+    names = Names("", *(table.joined(group) for group in (state, output, known)))
+    check_columns(table, names)  # before a clock that is not found is spoken of
+    _check_unwrap(how.unwrap, names)
+    table = table.noted(*_resolved(table, names))
+    table, stamps, name = _clocked(table, names, how)
+    if piece is not None:
+        table, stamps = piece_of(table, stamps, piece)
+    order = ordered(table, stamps, name, how.duplicates, how.sort)
+    stamps = stamps.rows(order.rows)
+    return _sampled(table, replace(names, time=name), stamps, order, how), table, stamps
+
+
+def _resolved(table: Table, names: Names) -> list[str]:
+    """What is said of names that are the end of a path."""
+    every = dict.fromkeys((*names.state, *names.output, *names.input))
+    pairs = [(name, table.header[k]) for name in every if (k := table.index(name)) is not None]
+    ends = [f"{name} is {path}" for name, path in pairs if name != path]
+    return [f"columns: {', '.join(ends)}"] if ends else []
+
+
+def _clocked(table: Table, asked: Names, how: Reading) -> tuple[Table, Stamps, str]:
+    """The table with what its clock says; the clock's times and name."""
+    if how.dt is not None:
+        name = "time_s"
+        while name in (*asked.state, *asked.output, *asked.input):
+            name += "_"
+        return table.noted(f"rows {how.dt:g} s apart"), counted(len(table), float(how.dt)), name
+    if how.time is None:
+        table = with_joined_time(table)
+    name, known = time_column(table, asked, how.time)
+    stamps, unit = read_stamps(table, name, how.time_unit)
+    words = " ".join(part for part in (known, repr(name), unit) if part)
+    return table.noted(*([words] if known or unit else [])), stamps, name
+
+
+def _sampled(table: Table, names: Names, stamps: Stamps, order: Order, how: Reading) -> Log:
+    """The samples that are kept, in order, numbered on the clock's grid."""
+    path, t, decimate = table.path, stamps.t, int(how.decimate)
+    step = stamps.median_step() if t.size > 1 else math.nan
     samples = samples_of(t) if t.size > 1 else np.zeros(t.size, dtype=np.int64)
-    by = whole_samples(name, late, nominal / decimate, int(samples[-1])) if late else {}
+    late = checked_delay(how.delay, names.output)
+    by = whole_samples(path, late, step, int(samples[-1])) if late else {}
     first_sample = max(0, -min(by.values(), default=0))
     kept = np.flatnonzero((samples % decimate == 0) & (samples >= first_sample))
-    kept = kept[0 if start is None else first_row(name, t[kept], start) :]
-    dt = nominal_step(name, t[kept], nominal, decimate)
+    notes = [*table.notes, *order.notes, *jitter(t, step)]
+    if how.start is not None:
+        start, note = start_of(path, stamps, how.start)
+        notes += note
+        kept = kept[first_row(path, t[kept], start) :]
+    dt = nominal_step(path, t[kept], decimate * step, decimate)
 
     def values(c: str) -> Array:
-        read = column(name, table, c, numbers)
-        return unwrapped(read) if c in unwrap else read
+        found = order.take(column(table, c, how.missing))
+        return unwrapped(found) if c in how.unwrap else found
 
     def columns(group: Sequence[str]) -> Array:
         return np.column_stack([values(c) for c in group])[kept]
 
-    lines = table.index.to_numpy(dtype=np.int64)
-    gaps = _gaps(t, samples, lines, int(kept[0]))
+    lines = table.places[order.rows]
     numbered = (samples[kept] - samples[kept[0]]) // decimate
     x, y, y_lines = columns(names.state), columns(names.output), None
     if by:
         moved = [moved_back(samples, values(c), lines, by.get(c, 0)) for c in names.output]
         y, y_lines = (np.column_stack(part)[kept] for part in zip(*moved, strict=True))
     u = columns(names.input) if names.input else None
+    every = dict.fromkeys((*names.state, *names.output, *names.input))
+    units = {c: unit for c in (*every, names.time) if (unit := table.unit(c))}
     return Log(
-        str(path),
-        names,
-        t[kept],
-        x,
-        y,
-        dt,
-        lines[kept],
-        numbered,
-        gaps,
-        int(decimate),
-        units,
-        u,
-        y_lines,
-        late,
-    )
+        path, names, t[kept], x, y, dt, lines[kept], numbered,
+        _gaps(t, samples, lines, int(kept[0])), decimate, units, u, y_lines, late,
+        stamps.rows(kept), (*notes, *_of_words(table, list(every))), table.place, table.digest,
+    )  # fmt: skip
+
+
+def _of_words(table: Table, names: Sequence[str]) -> list[str]:
+    """What is said of words that mean "not measured"."""
+    words: dict[str, int] = {}
+    for name in names:
+        for word, count in words_for_nothing(table, name).items():
+            words[word] = words.get(word, 0) + count
+    told = ", ".join(f"{word!r} ({count})" for word, count in words.items())
+    return [f"taken as not measured: {told}"] if words else []
 
 
 def _gaps(
@@ -135,40 +199,6 @@ def _gaps(
     return tuple(
         Gap(float(t[k]), float(t[k + 1] - t[k]), int(lines[k])) for k in before[before >= first]
     )
-
-
-def checked_missing(missing: Sequence[float]) -> tuple[float, ...]:
-    """Numbers that stand for "not measured"; LogError for anything else."""
-    numbers: Sequence[Any] = missing if isinstance(missing, list | tuple) else [missing]
-    for number in numbers:
-        real = isinstance(number, int | float | np.integer | np.floating) and not isinstance(
-            number, bool
-        )
-        if not real or not -LARGEST <= number <= LARGEST:
-            raise LogError(f"missing: expected finite numbers, found {shown(number)}")
-    return tuple(float(number) for number in numbers)
-
-
-def _check_options(
-    columns: tuple[Any, Any, Any], unwrap: Any, time: Any, start: Any, decimate: Any
-) -> None:
-    """LogError naming the first option of `read_log` that is of a wrong kind."""
-    options = ("state", "output", "input", "unwrap")
-    for option, group in zip(options, (*columns, unwrap), strict=True):
-        _check_texts(option, group)
-    if time is not None:
-        check_kind("time", time, str, "the name of a column")
-    real = isinstance(start, int | float | np.integer | np.floating)
-    if start is not None and not (real and (isinstance(start, float) or abs(start) <= LARGEST)):
-        raise LogError(f"start: expected a time in seconds, found {shown(start)}")
-    whole = isinstance(decimate, int | np.integer) and not isinstance(decimate, bool)
-    if not whole or not 1 <= decimate <= MOST:
-        raise LogError(f"decimate: expected a whole number of at least 1, found {shown(decimate)}")
-
-
-def _check_texts(option: str, group: Sequence[str]) -> None:
-    if not isinstance(group, list | tuple) or not all(isinstance(name, str) for name in group):
-        raise LogError(f"{option}: expected a list of column names, found {shown(group)}")
 
 
 def _check_unwrap(unwrap: Sequence[str], names: Names) -> None:

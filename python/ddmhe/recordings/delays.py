@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ddmhe.checks import shown
-from ddmhe.recordings.log import LogError
+from ddmhe.recordings.errors import LogError
 
 Array = NDArray[np.float64]
 

@@ -2,8 +2,8 @@
 
 A log samples regularly: its stamps may jitter or come late, but where the clock says that rows are
 lost there is a gap. Gaps are errors unless `Log.fill_gaps` turned them into rows not measured: the
-estimator then runs through them without data, and inside the history at most 10 such rows in a row
-are interpolated. Known inputs act at every sample: they are never filled in."""
+estimator then runs through them without data, and inside the history at most 10 such rows in a row,
+or blank cells, are interpolated. Known inputs act at every sample: they are never filled in."""
 
 from __future__ import annotations
 
@@ -14,8 +14,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ddmhe._core import DdmheError, History
-from ddmhe.checks import file_words, shown
+from ddmhe._core import History
+from ddmhe.checks import shown
+from ddmhe.recordings.errors import LARGEST, LogError, Names
+from ddmhe.recordings.stamps import Stamps
 from ddmhe.recordings.units import unit_of
 
 Array = NDArray[np.float64]
@@ -26,23 +28,10 @@ MOST_INTERPOLATED = 10
 """A longer stretch of filled rows inside the history is an invention, not a recording. Seven in a
 row left the errors on the measured pendulum logs as they were; cutting the recording there doubled
 them."""
+MOST_BLANK = 0.25
+"""Share of a column's cells inside the history that may be blank: more is another sampling."""
 MOST_FILLED = 2
 """Filling may at most double a log: beyond that it is several logs."""
-LARGEST = float(np.finfo(np.float64).max)
-
-
-class LogError(DdmheError):
-    """A log file cannot be used as asked."""
-
-
-@dataclass(frozen=True)
-class Names:
-    """Column names of a log."""
-
-    time: str
-    state: tuple[str, ...]
-    output: tuple[str, ...]
-    input: tuple[str, ...] = ()
 
 
 class Gap(NamedTuple):
@@ -111,6 +100,16 @@ class Log:
     of the row, as it is without a delay."""
     delay: Mapping[str, float] = field(default_factory=dict)
     """By how much outputs were late, s, by the names of those that were."""
+    stamps: Stamps | None = None
+    """The times as the file has them (N,), digit for digit."""
+    notes: tuple[str, ...] = ()
+    """What was inferred in reading, one phrase each."""
+    place: str = "line"
+    """What `lines` counts: "line", or "row" where there are none."""
+    digest: str | None = None
+    """SHA-256 of the file; None for frames."""
+    filled: bool = False
+    """Whether `fill_gaps` made it: then blank cells inside the history are bridged, too."""
 
     @property
     def output_lines(self) -> NDArray[np.int64]:
@@ -119,10 +118,16 @@ class Log:
             return self.y_lines
         return np.repeat(self.lines[:, None], self.y.shape[1], axis=1)
 
-    @property
-    def _named(self) -> str:
-        """The path as messages show it."""
-        return file_words(self.path)
+    def __len__(self) -> int:
+        """Rows N."""
+        return len(self.t)
+
+    def __repr__(self) -> str:
+        """Sizes and source, not the numbers."""
+        sizes = f"N={len(self)}, n={self.x.shape[1]}, p={self.y.shape[1]}"
+        inputs = "" if self.u is None else f", m={self.u.shape[1]}"
+        gaps = f", {len(self.gaps)} gaps" if self.gaps else ""
+        return f"Log({self.path!r}, {sizes}{inputs}, dt={self.dt:.6g} s{gaps})"
 
     def unit(self, column: str) -> str:
         """The unit of a column, "" where neither a line of units nor its name states one."""
@@ -138,8 +143,8 @@ class Log:
         size = int(rows[-1]) + 1
         if size > MOST_FILLED * rows.size:
             raise LogError(
-                f"{self._named}: expected gaps that can be filled, found {size - rows.size} "
-                "samples missing"
+                f"{self.path}: expected gaps that can be filled, found {size - rows.size} samples "
+                "missing"
             )
 
         def spread(values: Any, empty: float = np.nan) -> Any:
@@ -154,9 +159,11 @@ class Log:
         x, y = spread(self.x), spread(self.y)
         u = None if self.u is None else spread(self.u)
         y_lines = None if self.y_lines is None else spread(self.y_lines, 0)
+        stamps = None if self.stamps is None else self.stamps.spread(rows, size)
         return replace(
-            self, t=t, x=x, y=y, lines=lines, samples=filled, gaps=(), u=u, y_lines=y_lines
-        )
+            self, t=t, x=x, y=y, lines=lines, samples=filled, gaps=(), u=u, stamps=stamps,
+            filled=True, y_lines=y_lines,
+        )  # fmt: skip
 
     def history_samples(self, history: float) -> int:
         """T = round(history/dt).
@@ -178,7 +185,7 @@ class Log:
         if samples >= last:
             raise LogError(
                 f"history: expected less than {last * self.dt:.4g} s, the {last + 1} samples that "
-                f"{self._named} holds from {self.t[0]:.10g} s on, found {history} s"
+                f"{self.path} holds from {self.t[0]:.10g} s on, found {history} s"
             )
         return samples
 
@@ -193,26 +200,50 @@ class Log:
             gap = self.gaps[0]
             where = "inside the history" if gap.t < self.t[T] else "after the history"
             raise LogError(
-                f"{self._named}: gap {where} at {gap.t:.10g} s (line {gap.line}): expected steps "
-                f"of about {self.dt / self.decimate:.4g} s, found {gap.length:.4g} s; use another "
-                "start or history, or fill the gaps (--gaps fill)"
+                f"{self.path}: gap {where} at {gap.t:.10g} s ({self.place} {gap.line}): expected "
+                f"steps of about {self.dt / self.decimate:.4g} s, found {gap.length:.4g} s; use "
+                "another start or history, or fill the gaps (--gaps fill)"
             )
-        x_lines = np.repeat(self.lines[:, None], self.x.shape[1], axis=1)
-        self._check_measured(self.x[: T + 1], x_lines, self.names.state)
-        self._check_measured(self.y[:T], self.output_lines, self.names.output)
+        if not self.filled:
+            self._check_measured(self.x[: T + 1], self._x_lines, self.names.state)
+            self._check_measured(self.y[:T], self.output_lines, self.names.output)
         self._check_known()
-        recorded = History(
-            self._bridged(self.x, x_lines, T + 1),
-            self._bridged(self.y, self.output_lines, T),
+        return self._after(T, self._history(T))
+
+    def recording(self, T: int) -> History:
+        """The first T samples alone; errors as of `split`."""
+        if self.gaps:
+            raise LogError(
+                f"{self.path}: gap at {self.gaps[0].t:.10g} s ({self.place} {self.gaps[0].line}); "
+                "cut the recording there, or fill the gaps (--gaps fill)"
+            )
+        if not self.filled:
+            self._check_measured(self.x[: T + 1], self._x_lines, self.names.state)
+            self._check_measured(self.y[:T], self.output_lines, self.names.output)
+        self._check_known()
+        return self._history(T)
+
+    def whole(self) -> Split:
+        """All of the log behind a recording from elsewhere: outputs of rows 0 to N-2, states of
+        rows 1 to N-1. The history is None."""
+        self._check_known()
+        return self._after(0, None)
+
+    def _history(self, T: int) -> History:
+        return History(
+            self._bridged(self.x, self._x_lines, T + 1, self.names.state),
+            self._bridged(self.y, self.output_lines, T, self.names.output),
             dt=self.dt,
             x_units=[self.unit(name) for name in self.names.state],
             y_units=[self.unit(name) for name in self.names.output],
             u=None if self.u is None else self.u[:T],
             u_units=None if self.u is None else [self.unit(name) for name in self.names.input],
         )
+
+    def _after(self, T: int, history: Any) -> Split:
         x_true = self.x[T + 1 :]
         return Split(
-            recorded,
+            history,
             self.y[T:-1],
             self.t[T + 1 :],
             None if np.isnan(x_true).all() else x_true,
@@ -229,31 +260,36 @@ class Log:
         name = self.names.input[column]
         if self.lines[row] > 0:
             raise LogError(
-                f"{self._named}, line {self.lines[row]}, column {shown(name)}: expected a number "
-                "at every sample of an input, found an empty cell, NaN or a number that stands "
-                "for not measured"
+                f"{self.path}, {self.place} {self.lines[row]}, column {shown(name)}: expected a "
+                "number "
+                "at every sample of an input, found an empty cell, NaN or a number that stands for "
+                "not measured"
             )
         before = int(np.flatnonzero(self.lines[:row])[-1])
         after = row + int(np.argmax(self.lines[row:] > 0))
         raise LogError(
-            f"{self._named}: gap at {self.t[before]:.10g} s (line {self.lines[before]}), column "
-            f"{shown(name)}: expected a number at every sample of an input, found "
+            f"{self.path}: gap at {self.t[before]:.10g} s ({self.place} {self.lines[before]}), "
+            f"column {shown(name)}: expected a number at every sample of an input, found "
             f"{after - before - 1} samples missing; write what the input was there into the file, "
             "or use another start or history"
         )
 
-    def _bridged(self, values: Array, lines: NDArray[np.int64], size: int) -> Array:
-        """Rows 0 to size-1 with the filled ones interpolated between their neighbours in the log;
-        `lines` is 0 where a value was filled in.
+    @property
+    def _x_lines(self) -> NDArray[np.int64]:
+        return np.repeat(self.lines[:, None], self.x.shape[1], axis=1)
+
+    def _bridged(
+        self, values: Array, lines: NDArray[np.int64], size: int, names: Sequence[str]
+    ) -> Array:
+        """Rows 0 to size-1 with filled rows and blank cells interpolated between their neighbours
+        in the log; `lines` is 0 where a value was filled in.
 
         Seams between recordings would invent nothing, but they cost every window that crosses one;
         on measured pendulum logs with gaps of one or two rows interpolation was clearly better."""
-        at, rows = np.arange(size), np.arange(len(values))
         columns = []
-        for column, of_column in zip(values.T, lines.T, strict=True):
+        for column, of_column, name in zip(values.T, lines.T, names, strict=True):
             self._check_runs(np.flatnonzero(of_column), size)
-            known = np.isfinite(column)
-            columns.append(np.interp(at, rows[known], column[known]))
+            columns.append(self._column_bridged(column, of_column, size, name))
         return np.column_stack(columns)
 
     def _check_runs(self, real: NDArray[np.intp], size: int) -> None:
@@ -262,20 +298,47 @@ class Log:
         if not real.size or real[-1] < size - 1 or real[0] > 0:
             raise LogError(
                 f"history: expected outputs for all of it, found that a delay of {self._delays} "
-                f"leaves rows of {self._named} without"
+                f"leaves rows of {self.path} without"
             )
         runs = np.diff(real[: np.searchsorted(real, size) + 1]) - 1
-        if runs.max() > MOST_INTERPOLATED:
+        if runs.max(initial=0) > MOST_INTERPOLATED:
             row = int(real[int(np.argmax(runs > MOST_INTERPOLATED))])
             raise LogError(
-                f"{self._named}: gap inside the history at {self.t[row]:.10g} s (line "
+                f"{self.path}: gap inside the history at {self.t[row]:.10g} s ({self.place} "
                 f"{self.lines[row]}): expected at most {MOST_INTERPOLATED} missing samples, found "
-                f"{runs.max()}"
+                f"{runs.max()}; --start or --history choose other rows"
             )
 
     @property
     def _delays(self) -> str:
         return ", ".join(f"{seconds:g} s of {shown(name)}" for name, seconds in self.delay.items())
+
+    def _column_bridged(
+        self, values: Array, lines: NDArray[np.int64], size: int, name: str
+    ) -> Array:
+        """One column (N,) without its blank cells in rows 0 to size-1; LogError where there are too
+        many of them."""
+        known = np.isfinite(values)
+        blank = ~known[:size] & (lines[:size] > 0)
+        rows = np.flatnonzero(known)
+        if not blank.any():
+            return np.interp(np.arange(size), rows, values[rows])
+        edges = np.concatenate([[-1], rows[: np.searchsorted(rows, size) + 1]])
+        runs = np.diff(np.append(edges, size) if edges[-1] < size else edges) - 1
+        begun = known[0] and rows[-1] >= size - 1
+        share = float(blank.mean())
+        if not begun or runs.max() > MOST_INTERPOLATED or share > MOST_BLANK:
+            at = int(edges[int(np.argmax(runs > MOST_INTERPOLATED))]) + 1
+            row = at if runs.max() > MOST_INTERPOLATED else int(np.argmax(blank))
+            while lines[row] == 0:
+                row += 1
+            raise LogError(
+                f"{self.path}, {self.place} {lines[row]}, column {shown(name)}: expected at most "
+                f"{MOST_INTERPOLATED} cells in a row and {MOST_BLANK:.0%} of all not measured "
+                f"inside the history, a number first and last, found up to {runs.max()} in a row, "
+                f"{share:.0%} of all; --start, --history or --decimate choose other rows"
+            )
+        return np.interp(np.arange(size), rows, values[rows])
 
     def _check_measured(
         self, values: Array, lines: NDArray[np.int64], names: Sequence[str]
@@ -283,8 +346,8 @@ class Log:
         lacking = np.argwhere(np.isnan(values) & (lines[: len(values)] > 0))
         if lacking.size:
             row, column = lacking[0]
+            where = f"{self.place} {lines[row, column]}, column {shown(names[column])}"
             raise LogError(
-                f"{self._named}, line {lines[row, column]}, column {shown(names[column])}: "
-                "expected a number inside the history, found an empty cell, NaN or a number that "
-                "stands for not measured"
+                f"{self.path}, {where}: expected a number inside the history, found an empty "
+                "cell, NaN or a number that stands for not measured"
             )

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-__all__ = ["shared", "unit_of"]
+__all__ = ["is_unit", "shared", "unit_of"]
 
 _TOKENS = frozenset(
     """rad deg rpm m cm mm km s ms us min Hz kHz kg N kN mN Nm V mV uV kV A mA W kW mW
@@ -19,6 +19,9 @@ _TOKENS = frozenset(
 """Units that may end a column's name; letters that also number or name things (C, F, g, h, L) are
 left out."""
 _TOKEN = re.compile(r"([A-Za-z]+)([2-4]?)\Z")
+_PARTS = re.compile(r"[\s/·⋅*^.()+\-\d²³]+")
+_MORE = frozenset("% ° °C °F C g h d Nm sec usec msec ns µs".split())  # noqa: SIM905
+"""Units that stand alone in a line of units."""
 _BRACKETS = re.compile(r"[\[(]\s*([^\[\]()]+?)\s*[\])]\s*\Z")
 
 
@@ -36,6 +39,12 @@ def unit_of(name: str) -> str:
     while first > 1 and _known(tokens[first - 1]):
         first -= 1
     return "/".join(tokens[first:])
+
+
+def is_unit(text: str) -> bool:
+    """Whether a text is a unit, as far as its parts are known ones."""
+    parts = [part for part in _PARTS.split(text.strip("[]() ")) if part]
+    return bool(parts) and all((_TOKEN.match(p) and _known(p)) or p in _MORE for p in parts)
 
 
 def _known(token: str) -> bool:

@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import pandas as pd
 from numpy.typing import NDArray
 
 from ddmhe.files import write
@@ -24,12 +23,14 @@ __all__ = ["save_figure", "write_estimates"]
 def write_estimates(
     path: Path,
     time: str,
-    t: Array,
+    t: Any,
     names: Sequence[str],
     x_hat: Array,
     beside: Mapping[str, Any] | None = None,
 ) -> None:
     """A CSV with the time column, one column per state and those of `beside`, full precision."""
+    import pandas as pd  # takes longer to load than an estimator to build
+
     frame = pd.DataFrame(x_hat, columns=list(names)).assign(**dict(beside or {}))
     frame.insert(0, time, t)
     write(path, lambda beside: frame.to_csv(beside, index=False))

@@ -7,7 +7,6 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import pandas as pd
 from rich.table import Table
 from rich.text import Text
 
@@ -15,6 +14,8 @@ from ddmhe._core import DdMhe, History
 from ddmhe.checks import one_line
 
 if TYPE_CHECKING:
+    import pandas as pd
+
     from ddmhe.design import AffineModel, Certificate, PolePlacement
     from ddmhe.interval import ObserverDesign
     from ddmhe.tuning import Tuning

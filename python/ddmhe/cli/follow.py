@@ -1,0 +1,290 @@
+"""``ddmhe estimate --follow``: a log that is still being written. Lines in, estimates out.
+
+A line (t, y) gives at once the estimate of the next instant, t plus a step. What was read and not
+yet used is part of the snapshot, so that the run goes on bit for bit."""
+
+from __future__ import annotations
+
+import csv
+import json
+import os
+import select
+import signal
+import sys
+from collections.abc import Callable, Iterator
+from dataclasses import asdict, fields
+from pathlib import Path
+from typing import Any, TextIO
+
+import numpy as np
+
+from ddmhe._core import DdMhe, DdmheError, Estimate
+from ddmhe.checks import check_path
+from ddmhe.cli.printing import warn
+from ddmhe.cli.telling import in_words_of
+from ddmhe.files import write
+from ddmhe.recordings.csv_log import log_with_table
+from ddmhe.recordings.errors import LogError
+from ddmhe.recordings.log import Log
+from ddmhe.recordings.options import Reading
+from ddmhe.recordings.reading import Recorded, pick, recorded_of
+from ddmhe.recordings.sources import InMemory
+from ddmhe.recordings.stream import RowFormat, Stream
+from ddmhe.report.trust import reason_words
+
+__all__ = ["follow"]
+
+FIRST = 12
+"""Lines from which the habit of a log is told."""
+POLL = 0.1
+"""Seconds between looks at a file that may have grown."""
+CHUNK = 1 << 16
+
+
+class Lines:
+    """Whole lines of a growing file or of standard input, until a signal asks to stop."""
+
+    def __init__(self, log: Path, offset: int, tail: bytes) -> None:
+        self.path = "standard input" if str(log) == "-" else str(log)
+        self.file = str(log) != "-"
+        try:
+            self.fd = os.open(log, os.O_RDONLY) if self.file else sys.stdin.fileno()
+        except OSError as e:
+            raise LogError(
+                f"{log}: expected a readable log file, found that it is not ({e.strerror})"
+            ) from e
+        if self.file:
+            os.lseek(self.fd, offset, os.SEEK_SET)
+        self.offset, self.tail = offset, tail
+        self.stopped = False
+        self.number = 0
+        self._wake, wake = os.pipe()
+        os.set_blocking(wake, False)
+        signal.set_wakeup_fd(wake)
+        for kind in (signal.SIGTERM, signal.SIGINT):
+            signal.signal(kind, self._stop)
+
+    def _stop(self, number: int, frame: Any) -> None:
+        self.stopped = True
+
+    def __iter__(self) -> Iterator[str]:
+        while True:
+            *lines, self.tail = self.tail.split(b"\n")
+            for line in lines:
+                self.number += 1
+                yield line.decode("utf-8", "replace").rstrip("\r")
+            if not self._more():
+                break
+        if self.tail and not self.stopped:  # the end, without a line's end
+            self.number += 1
+            last, self.tail = self.tail, b""
+            yield last.decode("utf-8", "replace")
+
+    def _more(self) -> bool:
+        """More bytes; False at the end of standard input, or when asked to stop."""
+        while not self.stopped:
+            waited = [self._wake] if self.file else [self._wake, self.fd]
+            chunk = b""
+            if self.file:
+                chunk = os.read(self.fd, CHUNK)
+                if not chunk:
+                    select.select(waited, [], [], POLL)
+                    continue
+            elif self.fd in select.select(waited, [], [])[0]:
+                chunk = os.read(self.fd, CHUNK)
+                if not chunk:
+                    return False
+            self.offset += len(chunk)
+            self.tail += chunk
+            if chunk:
+                return True
+        return False
+
+
+class Writer:
+    """Estimates as lines of CSV or JSON, flushed one by one."""
+
+    def __init__(self, stream: TextIO, as_json: bool, names: list[str], time: str) -> None:
+        self.stream, self.as_json = stream, as_json
+        self.header = [time, *names, *(f"{name}_std" for name in names)]
+        self.header += ["trusted", "reasons", "status", "measured"]
+        self.rows = csv.writer(stream, lineterminator="\n")
+
+    def begin(self) -> None:
+        if not self.as_json:
+            self.rows.writerow(self.header)
+            self.stream.flush()
+
+    def put(self, written: Any, e: Estimate, measured: bool) -> None:
+        """One estimate; not measured: of a sample that was lost."""
+        std = [""] * len(e.x) if e.std is None else e.std.tolist()
+        reasons = reason_words(np.array([e.reasons or 0], dtype=np.uint8))[0]
+        trusted = "" if e.trusted is None else int(e.trusted)
+        row = [written, *e.x.tolist(), *std, trusted, reasons, str(e.status), int(measured)]
+        if self.as_json:
+            known = {k: v for k, v in zip(self.header, row, strict=True) if v != ""}
+            self.stream.write(json.dumps(known | {"reasons": reasons}) + "\n")
+        else:
+            self.rows.writerow(row)
+        self.stream.flush()
+
+
+def follow(
+    log: Path,
+    given: dict[str, Any],
+    settings: Callable[[bool], dict[str, Any]],
+    out: Path | None,
+    resume: Path | None,
+) -> None:
+    """Estimate a log while it is written, until its end or a signal; `settings` gives the keywords
+    of DdMhe, told whether the log goes on where its recording ends."""
+    snapshot = resume if resume is not None else Path(
+        "ddmhe-follow.snapshot" if str(log) == "-" else f"{log}.snapshot"
+    )  # fmt: skip
+    if resume is not None and resume.exists():
+        est, stream, lines, names, time = _restored(log, resume)
+        begun: Recorded | None = None
+    else:
+        lines = Lines(log, 0, b"")
+        source = iter(lines)
+        begun, stream = _begun(lines, source, given)
+        est = DdMhe(begun.history, **settings(begun.goes_on))
+        names, time = list(begun.names.state), begun.names.time
+        print(f"ddmhe: {begun.log.path}: {'; '.join(begun.notes)}", file=sys.stderr)
+        for sentence in in_words_of(begun.names, est.warnings):
+            warn(sentence)
+    with _opened(out, begun is None) as target:
+        writer = Writer(target, stream.format.sep is None, names, time)
+        if begun is not None:
+            writer.begin()
+            _catch_up(begun, est, stream, writer)
+        for line in lines if begun is None else source:
+            _one(line, lines, est, stream, writer)
+    if lines.stopped:
+        _store(snapshot, est, stream, lines, names, time)
+        print(f"ddmhe: stopped; --resume {snapshot} goes on from here", file=sys.stderr)
+
+
+def _opened(out: Path | None, resumed: bool) -> Any:
+    if out is None:
+        return open(sys.stdout.fileno(), "w", closefd=False, encoding="utf-8", newline="")
+    return open(out, "a" if resumed else "w", encoding="utf-8", newline="")
+
+
+def _begun(lines: Lines, source: Iterator[str], given: dict[str, Any]) -> tuple[Recorded, Stream]:
+    """The recording at the beginning of a stream, and where the stream goes on."""
+    columns = (given["state"], given["output"], given.get("input") or ())
+    usual: dict[str, Any] = {option.name: option.default for option in fields(Reading)}
+    how = Reading(**{name: given[name] or value for name, value in usual.items()})
+    parts = [pick(other, columns, how) for other in given["recording"]]
+    head: list[str] = []
+    wanted = FIRST
+    while True:
+        ended = _read_to(head, source, wanted)
+        try:
+            text = "\n".join([*head, ""]).encode()
+            log, table, stamps = log_with_table(InMemory(lines.path, text), columns, how)
+            lacking = _lacking(log, given["history"])
+            if not lacking:
+                recorded = recorded_of(log, parts, given["history"], fill=given["gaps"] == "fill")
+                return recorded, Stream.after(log, table, stamps, how)
+        except LogError:
+            if ended or wanted > FIRST:
+                raise
+            lacking = FIRST
+        if ended:
+            recorded_of(log, parts, given["history"])  # says what is lacking
+        wanted = len(head) + lacking
+
+
+def _read_to(head: list[str], source: Iterator[str], wanted: int) -> bool:
+    """More lines, up to as many as are wanted; whether the stream ended before."""
+    while len(head) < wanted:
+        line = next(source, None)
+        if line is None:
+            return True
+        head.append(line)
+    return False
+
+
+def _lacking(log: Log, history: float | None) -> int:
+    """Rows that a recording of that length still lacks."""
+    if history is None:
+        return 0
+    samples = round(history / log.dt) + 2 - (int(log.samples[-1]) + 1)
+    return max(samples, 0) * log.decimate
+
+
+def _catch_up(begun: Recorded, est: DdMhe, stream: Stream, writer: Writer) -> None:
+    """The estimates of what was read beyond the recording."""
+    log, first = begun.log, len(begun.log.t) - 1 - len(begun.t)
+    for k in range(first, len(log.t)):
+        e = est.step(log.y[k], None if log.u is None else log.u[k])
+        assert log.stamps is not None
+        written = log.stamps.rows(slice(k, k + 1)).written[0]
+        plain = written if isinstance(written, str) else np.asarray(written).item()
+        writer.put(stream.format.later(plain, log.dt), e, bool(log.lines[k] > 0))
+
+
+def _one(line: str, lines: Lines, est: DdMhe, stream: Stream, writer: Writer) -> None:
+    """The estimates that a line brings: of samples that were lost before it, and of its own. A line
+    that is none is told and left out."""
+    if not line.strip():
+        return
+    before, known = stream.written, stream.u
+    dt = stream.format.dt * stream.decimate
+    try:
+        lost, row = stream.take(line)
+    except DdmheError as error:
+        warn(f"{lines.path}, line {lines.number}: {error}; left out")
+        return
+    if lost > 0:
+        held = "" if known is None else ", their inputs taken as before"
+        warn(f"{lines.path}, line {lines.number}: {lost} samples lost before{held}")
+        for k in range(lost):
+            e = est.step(np.full(est.p, np.nan), known)
+            writer.put(stream.format.later(before, (k + 2) * dt), e, False)
+    if row is not None:
+        e = est.step(row.y, row.u)
+        writer.put(stream.format.later(row.written, dt), e, True)
+
+
+def _store(
+    path: Path, est: DdMhe, stream: Stream, lines: Lines, names: list[str], time: str
+) -> None:
+    """All that is needed to go on."""
+    state = {
+        "format": asdict(stream.format),
+        "stream": [stream.decimate, stream.t, stream.number, stream.written, stream.u],
+        "lines": [lines.offset, lines.number],
+        "names": names,
+        "time": time,
+    }
+    arrays = {
+        "estimator": np.frombuffer(est.snapshot(), dtype=np.uint8),
+        "tail": np.frombuffer(lines.tail, dtype=np.uint8),
+        "state": np.frombuffer(json.dumps(state).encode(), dtype=np.uint8),
+    }
+
+    def save(beside: Path) -> None:
+        with open(beside, "wb") as file:
+            np.savez(file, **arrays)  # type: ignore[arg-type]
+
+    write(path, save)
+
+
+def _restored(log: Path, path: Path) -> tuple[DdMhe, Stream, Lines, list[str], str]:
+    check_path("resume", path)
+    try:
+        with np.load(path, allow_pickle=False) as stored:
+            state = json.loads(stored["state"].tobytes())
+            est = DdMhe.restore(stored["estimator"].tobytes())
+            tail = stored["tail"].tobytes()
+        stream = Stream(RowFormat(**state["format"]), *state["stream"])
+        lines = Lines(log, state["lines"][0], tail)
+        lines.number = state["lines"][1]
+        return est, stream, lines, state["names"], state["time"]
+    except (OSError, ValueError, KeyError, TypeError) as e:
+        if isinstance(e, DdmheError):
+            raise
+        raise LogError(f"{path}: expected a snapshot of --follow, found another file ({e})") from e
