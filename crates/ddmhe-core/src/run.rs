@@ -3,6 +3,7 @@
 //! A step is a [`Pass`] of [`ddmhe_run::stepper`], which tells what becomes of windows without a
 //! minimiser. What a step of that crate cannot do in flight, [`Fallbacks`] does here.
 
+use crate::block::Block;
 use crate::config::{Bounds, Start};
 use crate::config_checks::check_measured;
 use crate::design::Design;
@@ -32,7 +33,7 @@ pub(crate) struct Run {
     pub start: Start,
     pub bound: Option<ErrorBound>,
     /// y(t-M_t) … y(t-1), x̂(t-M_t) … x̂(t) and room for a step.
-    pub memory: Memory<Vec<f64>>,
+    pub memory: Memory<Block>,
     /// What the outputs did that they never did in the recording.
     pub seen: Seen,
     /// The same of the inputs.
@@ -77,7 +78,7 @@ struct SavedEvidence {
 }
 
 impl SavedEvidence {
-    fn of(memory: &Memory<Vec<f64>>) -> Option<Self> {
+    fn of(memory: &Memory<Block>) -> Option<Self> {
         let ([kept, covariances, scores], judged) = memory.saved_evidence()?;
         Some(SavedEvidence {
             kept: kept.to_vec(),
@@ -94,7 +95,7 @@ impl SavedEvidence {
     }
 
     /// Whether it is of so many states.
-    fn fits(&self, memory: &Memory<Vec<f64>>, n: usize, states: usize) -> bool {
+    fn fits(&self, memory: &Memory<Block>, n: usize, states: usize) -> bool {
         let [kept, steps] = memory.saved_evidence_len();
         self.kept.len() == kept
             && self.covariances.len() == states * n * n
@@ -104,7 +105,7 @@ impl SavedEvidence {
             && self.inflation >= 0.0
     }
 
-    fn resume(&self, memory: &mut Memory<Vec<f64>>) {
+    fn resume(&self, memory: &mut Memory<Block>) {
         let SavedEvidence { since, inflation, steps, samples, value, limit, .. } = *self;
         let reasons = Reasons::from_bits(self.reasons);
         let judged = Judged { since, inflation, steps, samples, value, limit, reasons };
@@ -119,7 +120,7 @@ impl Run {
         Run {
             start,
             bound: design.bound.clone(),
-            memory: Memory::new(sizes, vec![0.0; memory_len(sizes)]),
+            memory: Memory::new(sizes, Block::new(memory_len(sizes))),
             seen: Seen::default(),
             seen_inputs: SeenInputs::default(),
             doubts: Doubts::new(&design.history),
@@ -446,7 +447,7 @@ fn problem<'a>(
 fn bounded(
     design: &Design,
     bound: &mut ErrorBound,
-    pass: &mut Pass<'_, Vec<f64>, Fallbacks<'_>>,
+    pass: &mut Pass<'_, Block, Fallbacks<'_>>,
     found: &Found,
     out: &mut Answer<'_>,
 ) -> f64 {

@@ -155,3 +155,55 @@ fn write<const P: usize>(sums: Option<&[Column; P]>, to: &mut [f64]) {
         *to = *sums;
     }
 }
+
+#[cfg(test)]
+mod tests {
+    extern crate std;
+
+    use super::*;
+    use crate::panels::write_panels;
+    use std::{vec, vec::Vec};
+
+    /// Numbers between -½ and ½ that look random.
+    fn numbers(len: usize, seed: usize) -> Vec<f64> {
+        let number = |k: usize| ((k * 31 + seed * 17 + 7) as f64).sin() * 1e4;
+        (0..len).map(number).map(|x| x - x.floor() - 0.5).collect()
+    }
+
+    /// Whether the look-ahead is the recursion, of systems with n states, p outputs, m inputs and L
+    /// instants, over a window of this depth; None where there is none.
+    fn agree([n, p, m, lag]: [usize; 4], depth: usize) -> Option<bool> {
+        let sizes = ResponseSizes { n, p, m, lag };
+        let look_ahead = LookAhead::new(sizes)?;
+        let (rows, columns) = (n + p, sizes.regressors());
+        let entries = numbers(rows * columns, n + 2 * p + 3 * m + 5 * lag);
+        let mut theta = vec![0.0; sizes.panels_len()];
+        write_panels((rows, columns), |i, j| entries[i * columns + j], &mut theta);
+        let (response, u) = (Response::new(sizes, &theta), numbers(depth * m, depth));
+        let (mut x, mut y) = (vec![0.0; depth * n], vec![0.0; depth * p]);
+        response.forced(&u, &mut x, &mut y, &mut vec![0.0; padded(rows)]);
+        let mut own = vec![0.0; look_ahead.len()];
+        look_ahead.make(&response, &mut own);
+        let [mut x_f, mut y_f] = look_ahead.motion_len(depth).map(|len| vec![f64::NAN; len]);
+        look_ahead.forced(&own, &u, &mut x_f, &mut y_f);
+        let size = x.iter().chain(&y).fold(1.0_f64, |size, x| size.max(x.abs()));
+        let mut pairs = x.iter().zip(&x_f).chain(y.iter().zip(&y_f));
+        Some(pairs.all(|(a, b)| (a - b).abs() < 1e-12 * size))
+    }
+
+    #[test]
+    fn four_instants_at_a_time_are_the_recursion() {
+        let mut compared = 0;
+        for size in 0..8 * 6 * 3 * 5 {
+            let sizes = [size % 8 + 1, size / 8 % 6 + 1, size / 48 % 3 + 1, size / 144 + 1];
+            for depth in [1, 3, 4, 5, 8, 22] {
+                if let Some(same) = agree(sizes, depth) {
+                    assert!(same, "n, p, m, L = {sizes:?}, depth {depth}");
+                    compared += 1;
+                }
+            }
+        }
+        // 21 pairs of n ≤ 6 and p ≤ 4 with n + p ≤ 8, m ≤ 3 and L ≤ 4
+        assert_eq!(compared, 21 * 3 * 4 * 6);
+    }
+}
