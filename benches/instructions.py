@@ -33,7 +33,8 @@ def count(regime: str) -> int:
         "--callgrind-out-file=/dev/null",
         "--collect-atstart=no",
     ]
-    command += ["--toggle-collect=*instructions::steps*", str(PROGRAM), regime]
+    command += [f"--toggle-collect=*instructions::{of}*" for of in ("steps", "log")]
+    command += [str(PROGRAM), regime]
     found = subprocess.run(command, check=True, capture_output=True, text=True)
     collected = re.search(r"Collected : (\d+)", found.stderr)
     if collected is None or int(collected[1]) == 0:

@@ -11,8 +11,8 @@
 mod data;
 
 use criterion::{BatchSize, Criterion, criterion_group, criterion_main};
-use data::{config, recorded, within};
-use ddmhe_core::{Bounds, Config, DdMhe, Space, Step};
+use data::{Pushed, config, pushed, recorded, within};
+use ddmhe_core::{Bounds, Config, DdMhe, Signals, Space, Step, Weighting};
 use std::hint::black_box;
 
 /// The bare arithmetic of one step: z = K f, w = c + A z, is lo ≤ w ≤ hi. Matrices by blocks of
@@ -185,6 +185,38 @@ fn step(c: &mut Criterion) {
     }
 }
 
+/// Logs of known inputs (n = 3, p = 2, m = 2, M = 20), a response of one instant and of two, beside
+/// the same outputs without; and x̂ alone with the weights of the recording. A time is that of 600
+/// steps.
+fn inputs(c: &mut Criterion) {
+    let given = Config { horizon: Some(20), evidence: false, ..Config::default() };
+    let rank_3 = Space::Truncated { rank: Some(3), tol: None };
+    let settings = [
+        ("r=3", Config { space: rank_3, ..given.clone() }),
+        ("default", given.clone()),
+        ("recorded", Config { weights: Weighting::Recorded, ..given }),
+    ];
+    for (states, instants) in [(3, "one instant"), (4, "two instants")] {
+        let Pushed { history, y, u } = pushed(states, 600);
+        for (name, config) in &settings {
+            for (kind, history) in [(instants, history.clone()), ("none", history.without_inputs())]
+            {
+                let mut mhe = DdMhe::new(&history, config.clone()).expect("valid settings");
+                let u = if history.m() > 0 { &u[..] } else { &[] };
+                c.benchmark_group("run/600 steps").bench_function(
+                    format!("{name}, inputs: {kind} ({states} states)"),
+                    |b| {
+                        b.iter(|| {
+                            mhe.run_until(Signals { y: &y, u }, &mut || false)
+                                .map_or(0, |l| l.x.len())
+                        });
+                    },
+                );
+            }
+        }
+    }
+}
+
 /// The step must not depend on how long the recording was.
 fn recording(c: &mut Criterion) {
     let space = Space::Truncated { rank: Some(5), tol: None };
@@ -220,6 +252,6 @@ criterion_group! {
         .sample_size(50)
         .warm_up_time(std::time::Duration::from_millis(300))
         .measurement_time(std::time::Duration::from_secs(1));
-    targets = step, recording, construction
+    targets = step, inputs, recording, construction
 }
 criterion_main!(benches);

@@ -43,7 +43,7 @@ from noisy_systems import (
 )
 from targets import AFTER, LEVELS, detumbled
 
-RUNS = int(os.environ.get("RUNS", "1000"))
+RUNS = int(os.environ.get("RUNS", "400"))
 """Of each linear family with the default; a quarter of it with weights="scaled"."""
 FEW = max(RUNS // 40, 1)
 """Of what is not linear and of one make."""
@@ -278,8 +278,7 @@ LINEAR_WORDS = """\
 Two masses, an oscillation of which one state is measured, and decaying modes that noise drives;
 recorded states exact or read with noise, outputs always noisy; as many samples after the recording
 as it has. *default* takes the weights of the recording nearly always, *scaled* the ridge space. An
-exact recording without a stated noise knows of none before the run, so that NIS/p says nothing
-there.
+exact recording without a stated noise knows of none before the run: NIS/p says nothing there.
 """
 CURVED_WORDS = """\
 Bodies, targets and the demo: 20 s recorded, 100 s after it. Targets differ in inertia,

@@ -34,7 +34,10 @@ def late_tables(runs: int, first: int, progress) -> tuple[list, list[str]]:
     """Rows of what was asked for, and the tables."""
     systems = all_systems(runs, first)
     lines = ["### Late outputs", "", "**Recorded in step, later ones late.**", "", LATE_WORDS]
-    rows = [later(case) for case in systems if case.tests[0].x_start is None and case.watch]
+    lates = {
+        case.name: later(case) for case in systems if case.tests[0].x_start is None and case.watch
+    }
+    rows = [[name, *(words for words, _ in each)] for name, each in lates.items()]
     lines += [*markdown_table(("", *(f"late by {d}" for d in LATE)), rows), ""]
     progress("late outputs")
     lines += ["**Late all along.**", "", LAG_WORDS]
@@ -53,37 +56,49 @@ def late_tables(runs: int, first: int, progress) -> tuple[list, list[str]]:
         false[hidden] += by_lag[0][1]
         total[hidden] += sum(by_lag[0])
     row = verdict("0", f"{false[False]} of {total[False]} outputs", false[False] == 0)
+    seen = ", ".join(f"{name} {each[LATE.index(10)][1]:.0%}" for name, each in lates.items())
     other = f"{false[True]} of {total[True]} outputs"
     return [
+        [
+            "runs in which outputs late by 10 samples after the recording are seen",
+            "is it seen",
+            seen,
+            "",
+        ],
         ["lag of outputs: told of recordings without one", *row],
         ["the same where states were left out of the recording", "–", other, ""],
     ], lines
 
 
-def later(case: Case) -> list[str]:
-    """Error factor, share of the steps in doubt, and of the runs with doubt, median delay; in
-    brackets what it is without a delay."""
-    cells = []
+def later(case: Case) -> list[tuple[str, float]]:
+    """By delay: error factor, share of the steps in doubt, in brackets what it is without a delay,
+    and share of the runs in which there is doubt before there would have been any, with the median
+    of its first step; and that share."""
+    found = []
     plain = [real_logs.estimator(test) for test in case.tests]
     clean = [run(est, test, test.log.Y) for est, test in zip(plain, case.tests, strict=True)]
     errors = [error(test, one.x) for test, one in zip(case.tests, clean, strict=True)]
     usual = np.mean([np.mean(one.reasons & DOUBTS != 0) for one in clean])
     for d in LATE:
         factor, share, since = [], [], []
-        for est, test, was in zip(plain, case.tests, errors, strict=True):
+        for est, test, one, was in zip(plain, case.tests, clean, errors, strict=True):
             made = delay(d)(test.log, 0, np.random.default_rng(0))
-            found = copy.copy(est).run(made.Y)
-            factor.append(error(test, found.x) / was)
-            doubted = np.flatnonzero(found.reasons & DOUBTS != 0)
-            share.append(doubted.size / len(found.reasons))
-            since.append(doubted[0] if doubted.size else np.inf)
+            late = copy.copy(est).run(made.Y)
+            factor.append(error(test, late.x) / was)
+            share.append(np.mean(late.reasons & DOUBTS != 0))
+            first = first_doubt(late)
+            since.append(first if first < first_doubt(one) else np.inf)
         seen = np.isfinite(since)
         when = f" · {np.median(np.array(since)[seen]):.0f}" if seen.any() else ""
-        mean = np.exp(np.mean(np.log(factor)))
-        cells.append(
-            f"× {mean:.2f} · {np.mean(share):.2f} ({usual:.2f}) · {np.mean(seen):.2f}{when}"
-        )
-    return [case.name, *cells]
+        words = f"× {np.exp(np.mean(np.log(factor))):.2f} · {np.mean(share):.2f} ({usual:.2f})"
+        found.append((f"{words} · {np.mean(seen):.2f}{when}", float(np.mean(seen))))
+    return found
+
+
+def first_doubt(log) -> float:
+    """The first step in doubt, infinite for none."""
+    steps = np.flatnonzero(log.reasons & DOUBTS != 0)
+    return float(steps[0]) if steps.size else np.inf
 
 
 def all_along(case: Case) -> list[str]:
@@ -184,7 +199,7 @@ def filtered(seed: int, tau: float, T: int = 200) -> Log:
 
 LATE_WORDS = """\
 Error factor (geometric mean) · share of the steps in doubt (without a delay) · share of the runs
-with doubt and the median of its first step.
+with doubt before there would have been any, and the median of its first step.
 """
 LAG_WORDS = """\
 Recording and log late alike. Error factor where the lag is left in · where it is taken off, as

@@ -70,7 +70,7 @@ def test_spikes_are_rejected_and_count_as_not_measured(weights, start):
 @pytest.mark.parametrize("seed", range(4))
 @pytest.mark.parametrize("weights", ["scaled", "recorded"])
 def test_known_inputs_and_bounds(weights, seed):
-    """What is rejected is as far from the forced motion as from none, whatever is lost beside it."""
+    """Known motion is no reason to reject, whatever is lost beside it."""
     case = Noisy.random(seed, x_noise=0.02, steps=90)
     rng = np.random.default_rng(seed)
     spoilt, at = spiked(case.history, case.Y, rng, times=60)

@@ -84,6 +84,7 @@
 //!
 //! `Err` means that an input was wrong; what the optimisation found is [`Estimate::status`].
 
+mod block;
 mod certificate;
 mod challenge;
 mod choices;

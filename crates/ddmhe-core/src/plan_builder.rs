@@ -1,6 +1,7 @@
 //! From a recording's trajectory space and the weights to the block of numbers of one depth that a
 //! step reads, and to the block that all depths share: see [`ddmhe_run::plan`].
 
+use crate::block::Block;
 use crate::config::Bounds;
 use crate::driving::Driving;
 use crate::evidence::maps::Maps;
@@ -24,36 +25,6 @@ use ddmhe_run::problem::WindowProblem;
 use faer::linalg::solvers::SvdError;
 use faer::{Mat, MatRef};
 use std::sync::Arc;
-
-/// Numbers that begin on a cache line: products read whole lines.
-pub(crate) struct Block {
-    numbers: Vec<f64>,
-    start: usize,
-    len: usize,
-}
-
-impl Block {
-    const LINE: usize = 64;
-
-    fn new(len: usize) -> Self {
-        let numbers = vec![0.0_f64; len + Self::LINE / size_of::<f64>()];
-        let start = numbers.as_ptr().align_offset(Self::LINE);
-        Block { start: if start <= numbers.len() - len { start } else { 0 }, numbers, len }
-    }
-
-    #[inline(always)]
-    pub fn numbers(&self) -> &[f64] {
-        &self.numbers[self.start..self.start + self.len]
-    }
-
-    fn numbers_mut(&mut self) -> &mut [f64] {
-        &mut self.numbers[self.start..self.start + self.len]
-    }
-
-    fn write(&mut self, span: Span, values: impl IntoIterator<Item = f64>) {
-        span.of_mut(self.numbers_mut()).iter_mut().zip(values).for_each(|(at, value)| *at = value);
-    }
-}
 
 /// Everything about one depth that depends only on the recording and the settings, factored.
 pub(crate) struct Draft {

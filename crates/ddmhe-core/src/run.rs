@@ -3,6 +3,7 @@
 //! A step is a [`Pass`] of [`ddmhe_run::stepper`], which tells what becomes of windows without a
 //! minimiser. What a step of that crate cannot do in flight, [`Fallbacks`] does here.
 
+use crate::block::Block;
 use crate::config::{Bounds, Start};
 use crate::design::Design;
 use crate::doubts::Doubts;
@@ -28,7 +29,7 @@ pub(crate) struct Run {
     pub start: Start,
     pub bound: Option<ErrorBound>,
     /// y(t-M_t) … y(t-1), x̂(t-M_t) … x̂(t) and room for a step.
-    pub memory: Memory<Vec<f64>>,
+    pub memory: Memory<Block>,
     /// What the outputs did that they never did in the recording.
     pub seen: Seen,
     /// The same of the inputs.
@@ -50,7 +51,7 @@ impl Run {
         Run {
             start,
             bound: design.bound.clone(),
-            memory: Memory::new(sizes, vec![0.0; memory_len(sizes)]),
+            memory: Memory::new(sizes, Block::new(memory_len(sizes))),
             seen: Seen::default(),
             seen_inputs: SeenInputs::default(),
             doubts: Doubts::new(&design.history),
@@ -334,7 +335,7 @@ fn problem<'a>(
 fn bounded(
     design: &Design,
     bound: &mut ErrorBound,
-    pass: &mut Pass<'_, Vec<f64>, Fallbacks<'_>>,
+    pass: &mut Pass<'_, Block, Fallbacks<'_>>,
     found: &Found,
     out: &mut Answer<'_>,
 ) -> f64 {

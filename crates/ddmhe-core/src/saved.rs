@@ -1,5 +1,6 @@
 //! A run as it is continued in another process: see [`snapshot`](crate::snapshot).
 
+use crate::block::Block;
 use crate::config::Start;
 use crate::config_checks::check_measured;
 use crate::design::Design;
@@ -54,7 +55,7 @@ struct SavedEvidence {
 }
 
 impl SavedEvidence {
-    fn of(memory: &Memory<Vec<f64>>) -> Option<Self> {
+    fn of(memory: &Memory<Block>) -> Option<Self> {
         let ([kept, covariances, scores], judged) = memory.saved_evidence()?;
         Some(SavedEvidence {
             kept: kept.to_vec(),
@@ -71,7 +72,7 @@ impl SavedEvidence {
     }
 
     /// Whether it is of so many states.
-    fn fits(&self, memory: &Memory<Vec<f64>>, n: usize, states: usize) -> bool {
+    fn fits(&self, memory: &Memory<Block>, n: usize, states: usize) -> bool {
         let [kept, steps] = memory.saved_evidence_len();
         self.kept.len() == kept
             && self.covariances.len() == states * n * n
@@ -81,7 +82,7 @@ impl SavedEvidence {
             && self.inflation >= 0.0
     }
 
-    fn resume(&self, memory: &mut Memory<Vec<f64>>) {
+    fn resume(&self, memory: &mut Memory<Block>) {
         let SavedEvidence { since, inflation, steps, samples, value, limit, .. } = *self;
         let reasons = Reasons::from_bits(self.reasons);
         let judged = Judged { since, inflation, steps, samples, value, limit, reasons };

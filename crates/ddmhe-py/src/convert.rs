@@ -102,7 +102,11 @@ impl Numbers {
         }
         let array: PyArrayLikeDyn<'_, f64, AllowTypeChange> =
             plain.extract().map_err(|_| wrong("something else".into()))?;
-        let mut data: Vec<f64> = array.as_array().iter().copied().collect(); // in C order
+        let view = array.as_array();
+        let mut data: Vec<f64> = match view.as_slice() {
+            Some(numbers) => numbers.to_vec(), // in C order, as it lies there
+            None => view.iter().copied().collect(),
+        };
         let mut missing = None;
         for (k, (entry, _)) in
             data.iter_mut().zip(mask.unwrap_or_default()).enumerate().filter(|(_, (_, m))| *m)

@@ -1,8 +1,8 @@
 //! `ddmhe.Log`.
 
-use crate::convert::{DdmheError, array1, array2};
+use crate::convert::{DdmheError, array2};
 use crate::evidence::{EvidenceLog, diagonal};
-use ddmhe_core::Reasons;
+use ddmhe_core::{Reasons, Status};
 use numpy::{PyArray1, PyArray2, PyArray3, PyArrayMethods};
 use pyo3::prelude::*;
 use pyo3::sync::PyOnceLock;
@@ -22,7 +22,7 @@ pub struct Log {
     #[pyo3(get)]
     bound: Option<Py<PyArray1<f64>>>,
     status: PyOnceLock<Py<PyAny>>,
-    words: Vec<&'static str>,
+    found: Vec<Status>, // what `status` says in words, where it was not given
     /// Number of touched bounds of each step (N,).
     #[pyo3(get)]
     active: Py<PyArray1<i64>>,
@@ -71,7 +71,7 @@ impl Log {
             cost: cost.unbind(),
             bound: bound.map(Bound::unbind),
             status: words,
-            words: Vec::new(),
+            found: Vec::new(),
             active: active.unbind(),
             iterations: iterations.unbind(),
             evidence: evidence.map(Bound::unbind),
@@ -112,7 +112,8 @@ impl Log {
     #[getter]
     fn status(&self, py: Python<'_>) -> PyResult<Py<PyAny>> {
         let made = || -> PyResult<Py<PyAny>> {
-            Ok(py.import("numpy")?.call_method1("array", (&self.words, "U16"))?.unbind())
+            let words: Vec<&str> = self.found.iter().map(|status| status.as_str()).collect();
+            Ok(py.import("numpy")?.call_method1("array", (words, "U16"))?.unbind())
         };
         Ok(self.status.get_or_try_init(py, made)?.clone_ref(py))
     }
@@ -131,12 +132,12 @@ impl Log {
         let whole = |values: Vec<i64>| PyArray1::from_vec(py, values).unbind();
         Ok(Log {
             x: x.map_or_else(|| array2(py, log.x, n), Ok)?.unbind(),
-            cost: array1(py, &log.cost).unbind(),
-            bound: bounded.then(|| array1(py, &log.bound).unbind()),
+            cost: PyArray1::from_vec(py, log.cost).unbind(),
+            bound: bounded.then(|| PyArray1::from_vec(py, log.bound).unbind()),
             status: PyOnceLock::new(),
-            words: log.status.iter().map(|s| s.as_str()).collect(),
-            active: whole(log.active.iter().map(|&a| a as i64).collect()),
-            iterations: whole(log.iterations.iter().map(|&i| i64::from(i)).collect()),
+            found: log.status,
+            active: whole(log.active.into_iter().map(|a| a as i64).collect()),
+            iterations: whole(log.iterations.into_iter().map(i64::from).collect()),
             evidence: evidence.transpose()?,
         })
     }

@@ -60,7 +60,7 @@ impl<B: AsRef<[f64]> + AsMut<[f64]>> Memory<B> {
             let x = &mut out.x[made * n..(made + 1) * n];
             write(shared.state_of(&next[..n]), x);
             write(shared.state_deviations(x), &mut known[of_x..of_x + n]);
-            known[of_nu..of_nu + p].copy_from_slice(&next[n..n + p]);
+            write(next[n..n + p].iter().copied(), &mut known[of_nu..of_nu + p]);
             (of_x, of_y, of_u, of_nu) = (of_x + n, of_y + p, of_u + m, of_nu + p);
             out.cost[made] = square(&known[of_nu - depth * p..of_nu]);
         }

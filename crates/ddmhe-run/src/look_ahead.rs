@@ -25,22 +25,11 @@ pub(crate) struct LookAhead {
     panels: [usize; 2], // of X and of Y
 }
 
-/// The motion of a window before an instant, and its inputs until then and later.
-struct Turn<'a> {
-    /// Inputs from before the window, which have no effect.
-    skipped: usize,
-    inputs: &'a [f64],
-    /// Inputs from after the window.
-    later: usize,
-    outputs: &'a [f64],
-    states: &'a [f64],
-}
-
 impl LookAhead {
-    /// Of small systems: with more rows the instants of a recursion are long enough.
+    /// Of small systems: with more rows an instant of the recursion is work enough.
     pub fn new(sizes: ResponseSizes) -> Option<Self> {
         let ResponseSizes { n, p, m, lag } = sizes;
-        if m == 0 || n + p > WIDTH || lag > INSTANTS {
+        if m == 0 || n > 6 || p > 4 || n + p > WIDTH || lag > INSTANTS {
             return None;
         }
         let columns = sizes.regressors() + (INSTANTS - 1) * m;
@@ -107,66 +96,114 @@ impl LookAhead {
     #[inline(always)]
     pub fn forced(self, numbers: &[f64], u: &[f64], x: &mut [f64], y: &mut [f64]) {
         let numbers = &numbers[..self.table_len()];
-        match self.panels[0] + self.panels[1] {
-            2 => self.turns::<2>(numbers, u, x, y),
-            3 => self.turns::<3>(numbers, u, x, y),
-            4 => self.turns::<4>(numbers, u, x, y),
-            _ => self.turns::<5>(numbers, u, x, y), // n + p ≤ 8
+        match self.panels {
+            [1, 1] => self.turns::<1, 1, 2>(numbers, u, x, y),
+            [2, 1] => self.turns::<2, 1, 3>(numbers, u, x, y),
+            [3, 1] => self.turns::<3, 1, 4>(numbers, u, x, y),
+            [1, _] => self.turns::<1, 2, 3>(numbers, u, x, y),
+            [2, _] => self.turns::<2, 2, 4>(numbers, u, x, y),
+            _ => self.turns::<3, 2, 5>(numbers, u, x, y),
         }
     }
 
+    /// The same with so many panels of X, of Y, and in all.
     #[inline(always)]
-    fn turns<const P: usize>(self, numbers: &[f64], u: &[f64], x: &mut [f64], y: &mut [f64]) {
+    fn turns<const X: usize, const Y: usize, const P: usize>(
+        self,
+        numbers: &[f64],
+        u: &[f64],
+        x: &mut [f64],
+        y: &mut [f64],
+    ) {
         let ResponseSizes { n, p, m, lag } = self.sizes;
         let table = numbers.as_chunks::<WIDTH>().0.as_chunks::<P>().0;
-        let mut first = 0;
-        for now in u.chunks(INSTANTS * m) {
-            let k = first;
-            first += INSTANTS;
-            let (x_before, x) = x.split_at_mut(k * n);
-            let (y_before, y) = y.split_at_mut(k * p);
-            // nothing before the window
-            let (states, known) = if k > 0 { (lag, lag - 1) } else { (0, 0) };
-            let turn = Turn {
-                skipped: (lag - 1 - known) * m,
-                inputs: &u[(k - known) * m..k * m + now.len()],
-                later: INSTANTS * m - now.len(),
-                outputs: &y_before[(k - known) * p..],
-                states: &x_before[(k - states) * n..],
-            };
-            let sums = turn.times(table);
-            let (of_x, of_y) = sums.as_flattened().split_at(self.panels[0] * WIDTH);
-            x[..of_x.len()].copy_from_slice(of_x);
-            y[..of_y.len()].copy_from_slice(of_y);
+        let (of_inputs, others) = table.split_at((lag - 1 + INSTANTS) * m);
+        let (of_outputs, of_states) = others.split_at((lag - 1) * p);
+        // nothing before the window
+        let sums = with([[0.0; WIDTH]; P], &of_inputs[(lag - 1) * m..], u);
+        write(sums.first_chunk::<X>(), x);
+        write(sums.last_chunk::<Y>(), y);
+        let [mut k_n, mut k_p, mut k_m] = [n, p, m].map(|width| INSTANTS * width);
+        while k_m < u.len() {
+            let (x_before, x) = x.split_at_mut(k_n);
+            let (y_before, y) = y.split_at_mut(k_p);
+            let sums = with([[0.0; WIDTH]; P], of_inputs, &u[k_m - (lag - 1) * m..]);
+            let sums = with(sums, of_outputs, &y_before[k_p - (lag - 1) * p..]);
+            let sums = with(sums, of_states, &x_before[k_n - lag * n..]);
+            write(sums.first_chunk::<X>(), x);
+            write(sums.last_chunk::<Y>(), y);
+            [k_n, k_p, k_m] = [k_n + INSTANTS * n, k_p + INSTANTS * p, k_m + INSTANTS * m];
         }
     }
 }
 
-impl Turn<'_> {
-    /// [X; Y] h.
-    #[inline(always)]
-    fn times<const P: usize>(&self, table: &[[Column; P]]) -> [Column; P] {
-        let mut sums = [[0.0; WIDTH]; P];
-        let (inputs, rest) = table[self.skipped..].split_at(self.inputs.len());
-        for (columns, u) in inputs.iter().zip(self.inputs) {
-            for (sum, column) in sums.iter_mut().zip(columns) {
-                add(sum, column, *u);
+/// sums + Σ_j column_j h_j, as far as both go.
+#[inline(always)]
+fn with<const P: usize>(sums: [Column; P], columns: &[[Column; P]], h: &[f64]) -> [Column; P] {
+    let mut sums = sums;
+    for (columns, h) in columns.iter().zip(h) {
+        for (sum, column) in sums.iter_mut().zip(columns) {
+            add(sum, column, *h);
+        }
+    }
+    sums
+}
+
+#[inline(always)]
+fn write<const P: usize>(sums: Option<&[Column; P]>, to: &mut [f64]) {
+    if let (Some(sums), Some(to)) = (sums, to.as_chunks_mut::<WIDTH>().0.first_chunk_mut::<P>()) {
+        *to = *sums;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    extern crate std;
+
+    use super::*;
+    use crate::panels::write_panels;
+    use std::{vec, vec::Vec};
+
+    /// Numbers between -½ and ½ that look random.
+    fn numbers(len: usize, seed: usize) -> Vec<f64> {
+        let number = |k: usize| ((k * 31 + seed * 17 + 7) as f64).sin() * 1e4;
+        (0..len).map(number).map(|x| x - x.floor() - 0.5).collect()
+    }
+
+    /// Whether the look-ahead is the recursion, of systems with n states, p outputs, m inputs and L
+    /// instants, over a window of this depth; None where there is none.
+    fn agree([n, p, m, lag]: [usize; 4], depth: usize) -> Option<bool> {
+        let sizes = ResponseSizes { n, p, m, lag };
+        let look_ahead = LookAhead::new(sizes)?;
+        let (rows, columns) = (n + p, sizes.regressors());
+        let entries = numbers(rows * columns, n + 2 * p + 3 * m + 5 * lag);
+        let mut theta = vec![0.0; sizes.panels_len()];
+        write_panels((rows, columns), |i, j| entries[i * columns + j], &mut theta);
+        let (response, u) = (Response::new(sizes, &theta), numbers(depth * m, depth));
+        let (mut x, mut y) = (vec![0.0; depth * n], vec![0.0; depth * p]);
+        response.forced(&u, &mut x, &mut y, &mut vec![0.0; padded(rows)]);
+        let mut own = vec![0.0; look_ahead.len()];
+        look_ahead.make(&response, &mut own);
+        let [mut x_f, mut y_f] = look_ahead.motion_len(depth).map(|len| vec![f64::NAN; len]);
+        look_ahead.forced(&own, &u, &mut x_f, &mut y_f);
+        let size = x.iter().chain(&y).fold(1.0_f64, |size, x| size.max(x.abs()));
+        let mut pairs = x.iter().zip(&x_f).chain(y.iter().zip(&y_f));
+        Some(pairs.all(|(a, b)| (a - b).abs() < 1e-12 * size))
+    }
+
+    #[test]
+    fn four_instants_at_a_time_are_the_recursion() {
+        let mut compared = 0;
+        for size in 0..8 * 6 * 3 * 5 {
+            let sizes = [size % 8 + 1, size / 8 % 6 + 1, size / 48 % 3 + 1, size / 144 + 1];
+            for depth in [1, 3, 4, 5, 8, 22] {
+                if let Some(same) = agree(sizes, depth) {
+                    assert!(same, "n, p, m, L = {sizes:?}, depth {depth}");
+                    compared += 1;
+                }
             }
         }
-        if self.states.is_empty() {
-            return sums;
-        }
-        let (outputs, states) = rest[self.later..].split_at(self.outputs.len());
-        for (columns, y) in outputs.iter().zip(self.outputs) {
-            for (sum, column) in sums.iter_mut().zip(columns) {
-                add(sum, column, *y);
-            }
-        }
-        for (columns, x) in states.iter().zip(self.states) {
-            for (sum, column) in sums.iter_mut().zip(columns) {
-                add(sum, column, *x);
-            }
-        }
-        sums
+        // 21 pairs of n ≤ 6 and p ≤ 4 with n + p ≤ 8, m ≤ 3 and L ≤ 4
+        assert_eq!(compared, 21 * 3 * 4 * 6);
     }
 }

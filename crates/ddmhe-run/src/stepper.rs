@@ -104,11 +104,7 @@ impl<B: AsRef<[f64]> + AsMut<[f64]>, F: Fallback> Pass<'_, B, F> {
             self.memory.deepen(depth);
         }
         if shared.sizes.m > 0 {
-            let memory = &mut *self.memory;
-            self.fallback.vectorised(
-                #[inline(always)]
-                || memory.force(shared),
-            );
+            self.force();
         }
     }
 
@@ -170,6 +166,16 @@ impl<B: AsRef<[f64]> + AsMut<[f64]>, F: Fallback> Pass<'_, B, F> {
             #[inline(always)]
             || memory.filter_alone((shared, evidence), (y, u), (depth.layout.depth, x)),
         )
+    }
+
+    /// The forced motion of the window: apart, for the registers of the steps that have none.
+    #[inline(never)]
+    fn force(&mut self) {
+        let (memory, shared) = (&mut *self.memory, &self.problem.shared);
+        self.fallback.vectorised(
+            #[inline(always)]
+            || memory.force(shared),
+        );
     }
 
     /// The window as a filter has it, with the weights of the recording.

@@ -12,7 +12,7 @@ pub(crate) struct Forced {
     pub inputs: usize, // where the stretch of the inputs begins
     pub x: usize,      // means + x_f, in the user's units
     pub free: usize,   // y - y_f
-    x_f: usize,        // x_f(1), …
+    x_f: usize,        // x_f(0), …
     y_f: usize,        // y_f(0), …
     scales: usize,     // s_x, for each x_f
     own: usize,        // what is made of the response, or room for an instant of it
@@ -29,15 +29,15 @@ impl Forced {
         let known = |len: usize| if m > 0 { padded(len) } else { 0 };
         let look_ahead = LookAhead::new(sizes.response());
         let [states, outputs] = match look_ahead {
-            Some(look_ahead) => look_ahead.motion_len(horizon).map(padded),
-            None => [known(horizon * n), known(horizon * p)],
+            Some(look_ahead) => look_ahead.motion_len(horizon),
+            None => [horizon * n, horizon * p],
         };
         let x = at + known(samples(horizon) * m);
         let free = x + known((horizon + 1) * n);
         let x_f = free + known(horizon * p);
-        let y_f = x_f + states;
-        let scales = y_f + outputs;
-        let own = scales + known(horizon * n);
+        let y_f = x_f + known(n + states);
+        let scales = y_f + known(outputs);
+        let own = scales + known((horizon + 1) * n);
         let end = own + look_ahead.map_or(known(n + p), LookAhead::len);
         Forced { inputs: at, x, free, x_f, y_f, scales, own, end, at, look_ahead, prepared: false }
     }
@@ -84,14 +84,14 @@ impl Forced {
         let (y_f, rest) = rest.split_at_mut(scales - y_f);
         let (scales, rest) = rest.split_at_mut(own - scales);
         let (own, u) = (&mut rest[..end - own], &known[at.inputs.last(depth)]);
+        let after_first = &mut x_f[n..]; // x_f(0) = 0
         match self.look_ahead {
-            Some(look_ahead) => look_ahead.forced(own, u, x_f, y_f),
-            None => response.forced(u, x_f, y_f, own),
+            Some(look_ahead) => look_ahead.forced(own, u, after_first, y_f),
+            None => response.forced(u, after_first, y_f, own),
         }
-        let (first, others) = x[..(depth + 1) * n].split_at_mut(n);
-        first.copy_from_slice(shared.mean_x);
-        let means = &shared.means(shared.sizes.layout(depth))[n..];
-        scaled_sum(means, &x_f[..depth * n], &scales[..depth * n], others);
+        let means = shared.means(shared.sizes.layout(depth));
+        let states = means.len();
+        scaled_sum(means, &x_f[..states], &scales[..states], &mut x[..states]);
     }
 
     /// Where the forced part of the newest output is (p).
