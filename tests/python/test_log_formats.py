@@ -20,7 +20,7 @@ from mcap_ros2.writer import Writer as RosWriter
 from pyarrow import feather, parquet
 from scipy.io import savemat
 
-from commands import in_a_process
+from commands import in_here
 from ddmhe.recordings import LogError, read
 from odd_logs import EPOCH, HEAD, HISTORY, N, numbers
 
@@ -279,7 +279,7 @@ def test_the_command_line_reads_parquet_as_csv(tmp_path):
     for name in ("log.csv", "log.parquet"):
         FORMATS[name](tmp_path / name)
         columns = ["--state", "w1,w2", "--output", "q1", "--history", 3]
-        run = in_a_process("estimate", name, *columns, "--out", f"{name}.est.csv", cwd=tmp_path)
+        run = in_here("estimate", name, *columns, "--out", f"{name}.est.csv", cwd=tmp_path)
         assert run.returncode == 0, run.stderr
     csv, table = (tmp_path / f"{n}.est.csv" for n in ("log.csv", "log.parquet"))
     assert csv.read_bytes() == table.read_bytes()
