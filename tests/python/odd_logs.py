@@ -130,6 +130,14 @@ def habits():
             {"dt": DT},
         ),
         "newest-first": (text(rows=ROWS[::-1]), {"sort": True}),
+        "epoch-seconds-with-commas": text(
+            ["stamp", *HEAD[1:]],
+            [
+                [f"{1_700_000_020 + t:.3f}".replace(".", ","), *r[1:]]
+                for t, r in zip(at, comma(), strict=True)
+            ],
+            sep=";",
+        ),
         "carriage-returns": text(end="\r"),
         "no-last-line-end": plain.rstrip(),
         "cut-in-the-last-row": plain + "4.8,0.1",

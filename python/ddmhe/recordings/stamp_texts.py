@@ -25,7 +25,7 @@ _STAMP = re.compile(
     rf"(?:{_DATE}(?:[T,\s]\s*(?:{_CLOCK}|{_COMPACT}))?|{_CLOCK.replace('?P<', '?P<only_')})\Z",
     re.VERBOSE,
 )
-_EPOCH = re.compile(r"(\d{9,11})(?:\.(\d{1,9}))?\Z")
+_EPOCH = re.compile(r"(\d{9,11})(?:[.,](\d{1,9}))?\Z")
 
 
 class Unclear(ValueError):
@@ -88,7 +88,8 @@ def written_like(text: str, ns: int) -> str:
     """A time in ns as the text is written: its kind of date, its digits, its zone."""
     match = _STAMP.match(text.strip())
     if match is None:  # epoch seconds
-        return f"{ns // SECOND}.{ns % SECOND:09d}"
+        mark = "," if "," in text else "."
+        return f"{ns // SECOND}{mark}{ns % SECOND:09d}"
     part = match.groupdict()
     needed = len(f"{ns % SECOND:09d}".rstrip("0"))
     digits = max(needed, len(part["f"] or part["f2"] or part["only_f"] or ""))
