@@ -11,6 +11,7 @@ import time
 from dataclasses import dataclass
 
 import numpy as np
+from gated_bench import bench_table
 
 import real_logs
 from calibration import DOUBTS
@@ -18,7 +19,6 @@ from calibration_page import verdict, write_half
 from ddmhe import Reason
 from ddmhe.report.page import markdown_table
 from gated import gate_tables
-from gated_bench import bench_table
 from late_outputs import late_tables
 from output_faults import Case, Fault, Faulty, cases, faults
 from real_logs import Test
