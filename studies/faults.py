@@ -11,7 +11,6 @@ import time
 from dataclasses import dataclass
 
 import numpy as np
-from gated_bench import bench_table
 
 import real_logs
 from calibration import DOUBTS
@@ -205,7 +204,6 @@ def main() -> None:
         stuck_rows([*cases(RUNS, FIRST), *driven_cases()]),
         late_tables(RUNS, FIRST + 1000, progress),
         gate_tables(RUNS, FIRST + 2000, GATE, progress),
-        bench_table(RUNS, FIRST + 3000, GATE),
         begun,
     )
     write_half("faults", lines)
