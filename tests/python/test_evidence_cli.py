@@ -284,3 +284,28 @@ def test_a_recording_too_short_to_be_held_out_is_said():
     trust = Trust.of_log(estimator.run(x))
     assert "the recording is too short to calibrate bars" in trust.words(estimator.promise)
     assert "calibrated by replay" in trust.words(np.ones(4))
+
+
+def test_what_a_gate_left_out_is_counted(recording, frame, here):
+    """In the table, on stderr since when, and the estimates are those of the gated estimator."""
+    spoilt = frame.copy()
+    column = COLUMNS[COLUMNS.index("--output") + 1].split(",")[1]
+    spoilt.loc[[T + 30, T + 75], column] += 5.0
+    spoilt.to_csv(here / "log.csv", index=False)
+    result = in_here(*ESTIMATE, "--gate", "auto", cwd=here)
+    assert result.returncode == 0, result.stderr
+    (row,) = [line for line in result.stdout.splitlines() if f"rejected {column}" in line]
+    assert "2" in row.split()
+    assert re.search(
+        rf"from \S+ s on \(step 31\) output '{column}' was rejected 2 times", result.stderr
+    )
+    history = ddmhe.History(recording.x[: T + 1], recording.y[:T], dt=0.1)
+    y = recording.y[T:-1].copy()
+    y[[30, 75], 1] += 5.0
+    expected = ddmhe.DdMhe(history, gate="auto").run(y).x
+    written = pd.read_csv(here / "est.csv")
+    np.testing.assert_allclose(written[list(STATE)], expected, rtol=1e-9, atol=1e-12)
+    for wrong, words in (("often", "expected auto or a number"), ("0.5", "above 1")):
+        refused = in_here(*ESTIMATE, "--gate", wrong, cwd=here)
+        assert refused.returncode == 2
+        assert words in refused.stderr

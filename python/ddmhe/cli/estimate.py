@@ -270,6 +270,7 @@ def _summary(log: Log, split: Recorded, est: DdMhe, estimates: Estimates) -> Any
         rows["error bound"] = (
             f"{np.median(estimates.bound):.4g} median, {np.max(estimates.bound):.4g} at most"
         )
+    rows |= _rejected(log.names.output, estimates)
     if est.promise is not None:
         rows |= {
             f"promised rms {name}": "unknown" if np.isnan(value) else f"{value:.4g}"
@@ -278,6 +279,16 @@ def _summary(log: Log, split: Recorded, est: DdMhe, estimates: Estimates) -> Any
     if split.x_true is not None:
         rows |= _errors(log.names.state, split.history, estimates, split.x_true)
     return report.table(f"Estimates of {word(Path(log.path).name)}", {"": rows})
+
+
+def _rejected(names: Sequence[str], estimates: Estimates) -> dict[str, str]:
+    """How many outputs a gate left out, and how often the run started again."""
+    if estimates.evidence is None:
+        return {}
+    counts = estimates.evidence.gated.sum(axis=0)
+    rows = {f"rejected {name}": str(n) for name, n in zip(names, counts, strict=True) if n}
+    again = int(estimates.evidence.restarted.sum())
+    return rows | ({"started again": f"{again} times"} if again else {})
 
 
 def _errors(
