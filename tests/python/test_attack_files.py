@@ -308,6 +308,15 @@ def test_whole_numbers_beyond_a_double_are_one_sentence(number):
     refused(lambda: read_log(path, ["a"], ["y"]).split(number))
 
 
+SNAPSHOTS = sorted(Path(__file__).parents[1].joinpath("fuzz", "corpus", "snapshot").iterdir())
+
+
+def test_the_fuzzers_start_from_snapshots_of_this_format():
+    assert len(SNAPSHOTS) > 8
+    for path in SNAPSHOTS:
+        assert ddmhe.DdMhe.restore(path.read_bytes()).next_depth >= 1
+
+
 class Named:
     """Something whose own words are those of the attack."""
 

@@ -14,9 +14,12 @@ mod source;
 
 use case::Case;
 use check::{Outcomes, everything};
+use ddmhe_core::DdMhe;
+use ddmhe_run::Plan;
 use proptest::prelude::*;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
+use std::path::Path;
 use std::time::{Duration, Instant};
 
 /// No case is given more: one takes a hundredth of a second, some a hundred steps of a solver.
@@ -84,18 +87,45 @@ fn long_a_million_hostile_calls() {
     assert!(sum.refused > 1000 && sum.made > 1000 && sum.flown > 10_000);
 }
 
+const CORPUS: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../tests/fuzz/corpus");
+
+fn corpus(folder: &str) -> Vec<Vec<u8>> {
+    let files = std::fs::read_dir(Path::new(CORPUS).join(folder)).unwrap();
+    files.map(|file| std::fs::read(file.unwrap().path()).unwrap()).collect()
+}
+
+/// A fuzzer that starts from bytes of an earlier format tries refusals alone; if this fails, write
+/// the corpus anew: `cargo test --release write_the_corpus -- --ignored`.
+#[test]
+fn what_the_fuzzers_start_from_is_read() {
+    let (snapshots, plans) = (corpus("snapshot"), corpus("plan"));
+    assert!(snapshots.len() > 8 && plans.len() > 8);
+    for bytes in snapshots {
+        assert!(DdMhe::restore(&bytes).is_ok());
+    }
+    for bytes in plans {
+        let mut room = vec![0_u8; bytes.len() + 8];
+        let first = room.as_ptr().align_offset(8);
+        room[first..first + bytes.len()].copy_from_slice(&bytes);
+        assert!(Plan::from_bytes(&room[first..first + bytes.len()]).is_ok());
+    }
+}
+
 /// Writes `tests/fuzz/corpus`: one case of each kind of problem, with its snapshot and its plan.
 #[test]
 #[ignore = "writes"]
 fn write_the_corpus() {
-    let to = std::path::Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../../tests/fuzz/corpus"));
+    let to = Path::new(CORPUS);
     let mut rng = ChaCha8Rng::seed_from_u64(0);
     let mut seen = Vec::new();
+    for folder in ["history", "snapshot", "plan"] {
+        std::fs::remove_dir_all(to.join(folder)).unwrap(); // of an earlier format
+    }
     for _ in 0..4000 {
         let bytes: Vec<u8> = (0..96).map(|_| rng.random()).collect();
         let case = Case::new(&bytes);
         let c = &case.config;
-        let Ok(mhe) = case.history().and_then(|h| ddmhe_core::DdMhe::new(&h, c.clone())) else {
+        let Ok(mhe) = case.history().and_then(|h| DdMhe::new(&h, c.clone())) else {
             continue;
         };
         let bounded = [&c.x_bounds, &c.v_bounds, &c.w_bounds].map(Option::is_some);
