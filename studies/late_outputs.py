@@ -199,7 +199,10 @@ def filtered(seed: int, tau: float, T: int = 200) -> Log:
 
 LATE_WORDS = """\
 Error factor (geometric mean) · share of the steps in doubt (without a delay) · share of the runs
-with doubt before there would have been any, and the median of its first step.
+with doubt before there would have been any, and the median of its first step. The run begins with
+late outputs: by default (`start="auto"`) it is mostly taken for one that starts elsewhere, which a
+warning says, and is then trusted. Started with `start="recording"` these runs stay in doubt for a
+horizon, as those above in which a delay sets in later.
 """
 LAG_WORDS = """\
 Recording and log late alike. Error factor where the lag is left in · where it is taken off, as
