@@ -122,6 +122,7 @@ mod reduction;
 mod remarks;
 mod response;
 mod riccati;
+mod row;
 mod run;
 mod scaling;
 pub mod snapshot;

@@ -65,6 +65,7 @@
 extern crate std;
 
 pub mod active_set;
+pub mod alone;
 mod bounds;
 mod cost;
 mod estimate;

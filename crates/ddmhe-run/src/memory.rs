@@ -8,7 +8,6 @@ use crate::plan::common::{Shared, Sizes};
 use crate::problem::Scratch;
 use crate::sliding::SlidingBuffer;
 use crate::tol;
-pub use alone::Alone;
 pub(crate) use considered::FilterStep;
 use core::ops::Range;
 use filtering::Filtering;
@@ -19,7 +18,6 @@ use stretches::{Stretches, samples};
 use witness::Witness;
 pub use witness::{Judged, Told};
 
-mod alone;
 mod considered;
 mod filtering;
 mod forced;
