@@ -1,6 +1,6 @@
 //! What a step returns, with its evidence.
 
-use ddmhe_run::alone::Alone;
+use ddmhe_run::alone::Row;
 use ddmhe_run::evidence::Rule;
 use ddmhe_run::{Reasons, Status};
 use serde::{Deserialize, Serialize};
@@ -218,12 +218,12 @@ impl Log {
         &mut self,
         steps: usize,
         n: usize,
-        make: impl FnOnce(Alone<'_>) -> usize,
+        make: impl FnOnce(Row<'_>) -> usize,
     ) -> usize {
         let (x, before) = (self.x.len(), self.cost.len());
         self.x.resize(x + steps * n, 0.0);
         self.cost.resize(before + steps, 0.0);
-        let made = make(Alone { x: &mut self.x[x..], cost: &mut self.cost[before..] });
+        let made = make(Row { x: &mut self.x[x..], cost: &mut self.cost[before..] });
         let steps = before + made;
         self.x.truncate(x + made * n);
         self.cost.truncate(steps);

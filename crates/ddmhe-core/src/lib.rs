@@ -123,6 +123,7 @@ mod reduction;
 mod remarks;
 mod response;
 mod riccati;
+mod row;
 mod run;
 mod saved;
 mod scaling;

@@ -8,7 +8,7 @@ use crate::tol;
 
 /// Where the estimates of steps in a row go.
 #[derive(Debug)]
-pub struct Alone<'a> {
+pub struct Row<'a> {
     /// x̂ of each (n), in the user's units.
     pub x: &'a mut [f64],
     /// (17) of each.
@@ -20,11 +20,11 @@ impl<B: AsRef<[f64]> + AsMut<[f64]>> Memory<B> {
     /// inputs, one after the other: how many; the next one is another, or comes after the window has
     /// moved in memory. Numbers are those of as many steps alone.
     #[inline(always)]
-    pub fn alone(
+    pub fn filter_row(
         &mut self,
         shared: &Shared<'_>,
         (y, u): (&[f64], &[f64]),
-        out: Alone<'_>,
+        out: Row<'_>,
     ) -> usize {
         let Some(kalman) = &shared.kalman else { return 0 };
         let (at, depth, block) = (self.stretches(), self.depth, self.block.as_mut());
