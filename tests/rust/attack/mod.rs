@@ -130,9 +130,11 @@ fn write_the_corpus() {
         };
         let bounded = [&c.x_bounds, &c.v_bounds, &c.w_bounds].map(Option::is_some);
         let driven = mhe.settings().process_noise != ddmhe_core::ProcessNoise::None;
-        let kind = (bounded, driven, c.certificate.is_some(), c.soft.is_some(), case.sizes[2]);
+        let gated = c.gate != ddmhe_core::Gate::None;
+        let kind =
+            (bounded, driven, c.certificate.is_some(), c.soft.is_some(), gated, case.sizes[2]);
         let (snapshot, plan) = (mhe.snapshot(), mhe.plan().unwrap_or_default());
-        if seen.contains(&kind) || snapshot.len() > 2000 || plan.len() > 8000 {
+        if seen.contains(&kind) || snapshot.len() > 2000 || plan.len() > 16_000 {
             continue;
         }
         seen.push(kind);
