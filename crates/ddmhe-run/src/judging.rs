@@ -66,6 +66,9 @@ impl<B: AsRef<[f64]> + AsMut<[f64]>> Memory<B> {
         let (Some(plan), Some(own)) = (&problem.shared.evidence, &problem.evidence) else {
             return true;
         };
+        if found.status == Status::Failed {
+            return true; // what has no minimiser says nothing of where the run began
+        }
         let evidence = self.witness.evidence(self.block.as_ref(), plan);
         let innovations = evidence.innovation.iter().map(|nu| nu * nu);
         let (novel, far) = if plan.rule == Rule::Filter {
@@ -85,7 +88,7 @@ impl<B: AsRef<[f64]> + AsMut<[f64]>> Memory<B> {
         let hard = sizes.v_bounded && !(sizes.prices.v > 0.0);
         let excluded = hard && found.status == Status::Infeasible;
         // a gate takes what is far for a wrong output
-        found.sound && !excluded && !novel && (!far || self.gate.is_used())
+        !excluded && !novel && (!far || self.gate.is_used())
     }
 
     /// Σ(t) and the rest of the evidence on x̂(t), before x̂(t) is among the states that are kept.
