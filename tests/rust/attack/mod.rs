@@ -43,6 +43,12 @@ proptest! {
     }
 }
 
+/// Cases that once broke a promise.
+#[test]
+fn what_was_found_stays_mended() {
+    timed(&Case::new(include_bytes!("found/start-after-a-failed-window.bin")));
+}
+
 /// `CASE=FILE cargo test --release one_case -- --ignored --nocapture`: what a fuzzer left.
 #[test]
 #[ignore = "of a file"]
