@@ -2,6 +2,7 @@
 not measured: against an independent reference, and on faults that were put in."""
 
 import pickle
+from functools import partial
 
 import numpy as np
 import pytest
@@ -100,7 +101,7 @@ def test_steps_runs_copies_and_snapshots_go_on_alike():
     spoilt[60:] -= 6 * history.recordings[0][1].std(0)
     spoilt[100:, 0] = spoilt[100, 0]
     for settings in ({"weights": "scaled"}, {"weights": "recorded"}):
-        make = lambda: ddmhe.DdMhe(history, gate="auto", stuck="missing", **settings)  # noqa: B023, E731
+        make = partial(ddmhe.DdMhe, history, gate="auto", stuck="missing", **settings)
         whole = make().run(spoilt)
         assert whole.evidence.restarted.sum() > 0
         assert whole.evidence.stuck.any()

@@ -82,7 +82,6 @@ fn check_weights(config: &Config, n: usize, p: usize, m: usize) -> Result<(), Er
 
 /// What only evidence uses.
 fn check_evidence(config: &Config, n: usize, p: usize) -> Result<(), Error> {
-    let unused = |name: &'static str| Error::value(name, "none without evidence", "some");
     if let Some(noise) = &config.output_noise {
         if noise.len() != 1 {
             check_vector("output_noise", noise, p)?;
@@ -91,18 +90,20 @@ fn check_evidence(config: &Config, n: usize, p: usize) -> Result<(), Error> {
             let expected = "standard deviations, finite and not negative";
             return Err(Error::value("output_noise", expected, bad));
         }
-        (config.evidence).then_some(()).ok_or_else(|| unused("output_noise"))?;
-    }
-    if config.gate != Gate::None {
-        (config.evidence).then_some(()).ok_or_else(|| unused("gate"))?;
-    }
-    if config.stuck != Stuck::Tell {
-        (config.evidence).then_some(()).ok_or_else(|| unused("stuck"))?;
     }
     check_gate(config)?;
     if let Some(drift) = &config.drift {
         check_covariance("drift", drift, n)?;
-        (config.evidence).then_some(()).ok_or_else(|| unused("drift"))?;
+    }
+    for (name, asked) in [
+        ("output_noise", config.output_noise.is_some()),
+        ("drift", config.drift.is_some()),
+        ("gate", config.gate != Gate::None),
+        ("stuck", config.stuck != Stuck::Tell),
+    ] {
+        if asked && !config.evidence {
+            return Err(Error::value(name, "none without evidence", "some"));
+        }
     }
     Ok(())
 }
@@ -266,10 +267,8 @@ pub(crate) fn check_output(y: &[f64], p: usize) -> Result<(), Error> {
 /// NaN means "not measured"; infinity is an error.
 pub(crate) fn check_measured(argument: &'static str, y: &[f64], p: usize) -> Result<(), Error> {
     // all of them without a branch: a log is long, and seldom wrong
-    if !y.iter().fold(false, |any, v| any | v.is_infinite()) {
-        return Ok(());
-    }
-    match y.iter().position(|v| v.is_infinite()) {
+    let any = y.iter().fold(false, |any, v| any | v.is_infinite());
+    match any.then(|| y.iter().position(|v| v.is_infinite())).flatten() {
         None => Ok(()),
         Some(k) => Err(Error::NotFinite { argument, row: k / p, column: k % p, value: y[k] }),
     }

@@ -134,7 +134,8 @@ impl Doubts {
         }));
         for (i, times) in self.gated.iter().enumerate().filter(|(_, times)| times.count > 0) {
             words.push(format!(
-                "{} output {i} (counted from 0) was rejected {}: far from what all others say it is",
+                "{} output {i} (counted from 0) was rejected {}: far from what all others say it \
+                is",
                 since(times.first, dt),
                 often(times.count)
             ));

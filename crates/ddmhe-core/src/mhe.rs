@@ -325,8 +325,8 @@ impl DdMhe {
         self.run.restart(&self.design, x_prior.or(self.config.x_prior.as_deref()));
     }
 
-    /// As many steps of a log, from that of the first of these samples on, as are made in one go: how
-    /// many.
+    /// As many steps of a log, from that of the first of these samples on, as are made in one go:
+    /// how many.
     #[inline(always)]
     fn run_row(&mut self, ys: &[f64], us: &[f64], row: Range<usize>, log: &mut Log) -> usize {
         if row.is_empty() {

@@ -131,12 +131,8 @@ impl Run {
         for u in window.inputs.chunks_exact(design.history.m().max(1)) {
             self.memory.push_input(u.iter().copied());
         }
-        self.memory.prepare(&design.ground.shared());
         let unknown = self.start == Start::Unknown;
-        if unknown {
-            self.memory.begin_unknown(0);
-        }
-        self.memory.start_evidence(&design.ground.shared(), unknown, elsewhere);
+        self.memory.begin(&design.ground.shared(), unknown, elsewhere);
     }
 
     /// Whether a step may be a filter's, with nothing but x̂(t) made: see

@@ -172,7 +172,7 @@ impl Run {
             evidence.resume(&mut self.memory);
         }
         self.memory.resume_gate(&gate);
-        self.memory.begin_unknown(since);
+        self.memory.resume_since(since);
         self.first = first;
         (self.seen, self.t, self.estimate) = (seen, t, estimate);
         (self.seen_inputs, self.doubts) = (seen_inputs, doubts);

@@ -17,8 +17,8 @@ pub struct Row<'a> {
 
 impl<B: AsRef<[f64]> + AsMut<[f64]>> Memory<B> {
     /// Steps of full windows without bounds and evidence that a filter makes of these outputs and
-    /// inputs, one after the other: how many; the next one is another, or comes after the window has
-    /// moved in memory. Numbers are those of as many steps alone.
+    /// inputs, one after the other: how many; the next one is another, or comes after the window
+    /// has moved in memory. Numbers are those of as many steps alone.
     #[inline(always)]
     pub fn filter_row(
         &mut self,

@@ -1,6 +1,7 @@
 //! How long ago a run started from an unknown state, and what outputs are doubted by since.
 
 use crate::memory::Memory;
+use crate::plan::common::Shared;
 use core::ops::Range;
 
 impl<B: AsRef<[f64]> + AsMut<[f64]>> Memory<B> {
@@ -21,8 +22,18 @@ impl<B: AsRef<[f64]> + AsMut<[f64]>> Memory<B> {
         self.since = self.since.saturating_add(1);
     }
 
-    /// The run begins with a state that is unknown, or so many outputs after one.
-    pub fn begin_unknown(&mut self, since: usize) {
+    /// A run begins with the window that is in memory: what is made of the plan, and the evidence on
+    /// its states. `elsewhere`: not at the recording's end.
+    pub fn begin(&mut self, shared: &Shared<'_>, unknown: bool, elsewhere: bool) {
+        self.prepare(shared);
+        if unknown {
+            self.since = 0;
+        }
+        self.start_evidence(shared, unknown, elsewhere);
+    }
+
+    /// Takes up a saved number of [outputs since](Self::since).
+    pub fn resume_since(&mut self, since: usize) {
         self.since = since;
     }
 

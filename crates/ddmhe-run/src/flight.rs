@@ -4,6 +4,7 @@ use crate::estimate::Estimate;
 use crate::fallback::Alone;
 use crate::memory::{Memory, memory_len};
 use crate::plan::bytes::{Plan, PlanError};
+use crate::plan::common::Sizes;
 use crate::problem::{WindowProblem, WindowSolution};
 use crate::stepper::{Answer, Pass, smooth};
 
@@ -35,12 +36,17 @@ impl<'p, 'm> Stepper<'p, 'm> {
         let sizes = plan.shared().sizes;
         let layout = sizes.layout(sizes.horizon);
         let answer = sizes.n + layout.states_len() + layout.outputs_len();
-        let log = if plan.finds_start() { sizes.horizon * (sizes.p + sizes.m) } else { 0 };
-        memory_len(sizes) + answer + layout.disturbances_len() + log
+        memory_len(sizes) + answer + layout.disturbances_len() + Self::log_len(plan)
     }
 
-    /// A new run of a plan, in at least [`room`](Self::room) numbers. Steps are quickest where these
-    /// begin on a cache line, as in [`Aligned`](crate::Aligned).
+    /// Numbers of the samples that a plan which finds its start keeps.
+    fn log_len(plan: &Plan<'_>) -> usize {
+        let Sizes { p, m, horizon, .. } = plan.shared().sizes;
+        if plan.finds_start() { horizon * (p + m) } else { 0 }
+    }
+
+    /// A new run of a plan, in at least [`room`](Self::room) numbers. Steps are quickest where
+    /// these begin on a cache line, as in [`Aligned`](crate::Aligned).
     ///
     /// # Errors
     /// [`PlanError::Room`] for fewer.
@@ -50,8 +56,7 @@ impl<'p, 'm> Stepper<'p, 'm> {
             return Err(PlanError::Room);
         }
         let (block, rest) = memory.split_at_mut(memory_len(sizes));
-        let log = if plan.finds_start() { sizes.horizon * (sizes.p + sizes.m) } else { 0 };
-        let (log, answer) = rest.split_at_mut(log);
+        let (log, answer) = rest.split_at_mut(Self::log_len(plan));
         let of = ((sizes.filled + 1).min(sizes.horizon), plan.starts_unknown());
         let problem = Self::block(plan, of).ok_or(PlanError::Sizes)?;
         let (memory, found) = (Memory::new(sizes, block), WindowSolution::default());
@@ -86,12 +91,8 @@ impl<'p, 'm> Stepper<'p, 'm> {
                 self.memory.push_input(u.iter().copied());
             }
         }
-        self.memory.prepare(&shared);
-        if self.plan.starts_unknown() {
-            self.memory.begin_unknown(0);
-        }
         let elsewhere = shared.evidence.is_some_and(|known| known.starts_elsewhere());
-        self.memory.start_evidence(&shared, self.plan.starts_unknown(), elsewhere);
+        self.memory.begin(&shared, self.plan.starts_unknown(), elsewhere);
     }
 
     /// Steps taken since the start.
@@ -179,9 +180,7 @@ impl<'p, 'm> Stepper<'p, 'm> {
         self.t = 0;
         self.memory.clear();
         self.memory.push_state(shared.mean_x.iter().map(|_| 0.0));
-        self.memory.prepare(&shared);
-        self.memory.begin_unknown(0);
-        self.memory.start_evidence(&shared, true, true);
+        self.memory.begin(&shared, true, true);
         for sample in log.chunks_exact(p + u.len()).take(steps) {
             let (y, u) = sample.split_at(p);
             self.advance(y, u)?;

@@ -10,8 +10,8 @@
 //!
 //! > |ν_i| > k c σ_i,  c² ← max(1, c² + (mean_i min(r_i², 9) - 1) c²/M),  r_i = |ν_i|/(c σ_i)
 //!
-//! so that errors which grow as the motion leaves the recording are not taken for wrong outputs. The
-//! first output from an unknown state is believed. Bounds have no part in ν.
+//! so that errors which grow as the motion leaves the recording are not taken for wrong outputs.
+//! The first output from an unknown state is believed. Bounds have no part in ν.
 //!
 //! # Jumps
 //! A gate alone would lock out a state that has jumped. Where an output was rejected
@@ -27,7 +27,6 @@ use crate::evidence::OfDepth;
 use crate::fallback::Fallback;
 use crate::kalman::Kalman;
 use crate::memory::{Memory, Parts};
-use crate::panels::dot;
 use crate::plan::common::Shared;
 use crate::problem::{Data, Scratch, WindowProblem};
 use crate::stepper::Pass;
@@ -139,18 +138,14 @@ impl<B: AsRef<[f64]> + AsMut<[f64]>> Memory<B> {
     #[inline(always)]
     pub(crate) fn innovate(&mut self, shared: &Shared<'_>, kalman: &Kalman<'_>) {
         let [x, y, u] = [self.states.last(1), self.outputs.last(1), self.newest_input()];
-        let (room, p) = (self.innovation_at(), self.outputs.width);
+        let (room, p, model) = (self.innovation_at(), self.outputs.width, &kalman.model);
         let (known, room) = self.block.as_mut().split_at_mut(room);
         let few = shared.evidence.map_or(1.0, |known| known.model.few());
         let sigma = self.witness.filter_covariance(known, x.len());
         for i in 0..p {
-            let c = kalman.model.c(i);
-            let expected =
-                dot(c, &known[x.clone()]) + kalman.model.pushed_output(i, &known[u.clone()]);
-            let along = |(a, row): (&f64, &[f64])| a * dot(row, c);
-            let spread: f64 = c.iter().zip(sigma.chunks_exact(c.len())).map(along).sum();
+            let expected = model.expected_output(i, &known[x.clone()], &known[u.clone()]);
             room[i] = known[y.start + i] - expected;
-            room[p + i] = spread + few * kalman.model.R[i];
+            room[p + i] = model.output_covariance([i, i], sigma) + few * model.R[i];
         }
     }
 

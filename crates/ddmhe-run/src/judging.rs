@@ -22,7 +22,7 @@ pub struct Newest<'a> {
 
 impl<B: AsRef<[f64]> + AsMut<[f64]>> Memory<B> {
     /// Σ of the states that are kept, as at the beginning of a run.
-    pub fn start_evidence(&mut self, shared: &Shared<'_>, unknown: bool, elsewhere: bool) {
+    pub(crate) fn start_evidence(&mut self, shared: &Shared<'_>, unknown: bool, elsewhere: bool) {
         if let Some(known) = &shared.evidence {
             let states = self.states.len;
             let at = (states, unknown);
@@ -37,8 +37,8 @@ impl<B: AsRef<[f64]> + AsMut<[f64]>> Memory<B> {
         self.witness.note(self.block.as_mut(), y);
     }
 
-    /// Σ of the states that are kept after a restart with so many outputs: of the recording's filter
-    /// it is followed through all but the newest, which is judged with the others.
+    /// Σ of the states that are kept after a restart with so many outputs: of the recording's
+    /// filter it is followed through all but the newest, which is judged with the others.
     pub(crate) fn restart_evidence(&mut self, shared: &Shared<'_>, kept: usize) {
         let Some(known) = &shared.evidence else { return };
         let block = self.block.as_mut();
@@ -106,7 +106,7 @@ impl<B: AsRef<[f64]> + AsMut<[f64]>> Memory<B> {
             0 => 0,
             _ => self.block.as_ref()[window.clone()].iter().filter(|y| y.is_nan()).count(),
         };
-        let u = self.inputs.last(1.min(self.inputs.len));
+        let u = self.newest_input();
         let told = Told {
             known: (plan, own),
             sizes: [found.minimum.value, found.cost],
@@ -207,7 +207,7 @@ impl<B: AsRef<[f64]> + AsMut<[f64]>> Memory<B> {
             newest: y,
             x,
             mean: shared.mean_x,
-            u: self.inputs.last(1.min(self.inputs.len)),
+            u: self.newest_input(),
         };
         self.judge_filter(shared, kalman, &told, false);
     }

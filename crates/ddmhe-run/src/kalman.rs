@@ -252,6 +252,19 @@ impl<'a> Model<'a> {
         self.r[i] + dot(&self.D[i * self.m..(i + 1) * self.m], u)
     }
 
+    /// What x and u make of output i.
+    #[inline(always)]
+    pub fn expected_output(&self, i: usize, x: &[f64], u: &[f64]) -> f64 {
+        dot(self.c(i), x) + self.pushed_output(i, u)
+    }
+
+    /// Entry (i, j) of C Σ Cᵀ, Σ (n × n).
+    #[inline(always)]
+    pub fn output_covariance(&self, [i, j]: [usize; 2], sigma: &[f64]) -> f64 {
+        let along = |(a, row): (&f64, &[f64])| a * dot(row, self.c(j));
+        self.c(i).iter().zip(sigma.chunks_exact(self.n)).map(along).sum()
+    }
+
     /// P without the outputs y of an instant to P with those that were measured (n × n); `tell` is
     /// told of each its number, K and s. `work` is for n numbers.
     pub fn measure(

@@ -6,7 +6,7 @@
 //! > \[x_f(k+1); …; x_f(k+4)\] = X h(k),  \[y_f(k); …; y_f(k+3)\] = Y h(k),
 //! > h(k) = \[u(k-L+1); …; u(k+3); y_f(k-L+1); …; y_f(k-1); x_f(k-L+1); …; x_f(k)\],
 //!
-//! has rows that do not wait for each other, time-major as the window is, and the inputs, which come
+//! has rows that do not wait for each other, time-major as the window is, and inputs, which come
 //! first in their sums, wait for no motion. Column j of X and Y is what the recursion makes of
 //! h = e_j. The rows of X and then of Y lie in P whole panels, all panels of a column side by side:
 //! each entry of h is read once, and the sums stay in registers.

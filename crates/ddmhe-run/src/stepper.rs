@@ -78,8 +78,8 @@ pub struct Pass<'a, B, F> {
 
 impl<B: AsRef<[f64]> + AsMut<[f64]>, F: Fallback> Pass<'_, B, F> {
     /// Takes y(t-1), NaN where not measured, and u(t-1) into the window. Returns how many entries
-    /// of y cannot be used. What of them cannot be right is for [`doubt_newest`](Self::doubt_newest)
-    /// to find.
+    /// of y cannot be used. What of them cannot be right is for
+    /// [`doubt_newest`](Self::doubt_newest) to find.
     #[inline(always)]
     pub fn take_in(&mut self, y: &[f64], u: &[f64]) -> usize {
         let shared = &self.problem.shared;

@@ -204,10 +204,6 @@ class Log:
                 f"steps of about {self.dt / self.decimate:.4g} s, found {gap.length:.4g} s; use "
                 "another start or history, or fill the gaps (--gaps fill)"
             )
-        if not self.filled:
-            self._check_measured(self.x[: T + 1], self._x_lines, self.names.state)
-            self._check_measured(self.y[:T], self.output_lines, self.names.output)
-        self._check_known()
         return self._after(T, self._history(T))
 
     def recording(self, T: int) -> History:
@@ -217,10 +213,6 @@ class Log:
                 f"{self.path}: gap at {self.gaps[0].t:.10g} s ({self.place} {self.gaps[0].line}); "
                 "cut the recording there, or fill the gaps (--gaps fill)"
             )
-        if not self.filled:
-            self._check_measured(self.x[: T + 1], self._x_lines, self.names.state)
-            self._check_measured(self.y[:T], self.output_lines, self.names.output)
-        self._check_known()
         return self._history(T)
 
     def whole(self) -> Split:
@@ -230,6 +222,11 @@ class Log:
         return self._after(0, None)
 
     def _history(self, T: int) -> History:
+        """The first T samples; errors for what is not measured in them."""
+        if not self.filled:
+            self._check_measured(self.x[: T + 1], self._x_lines, self.names.state)
+            self._check_measured(self.y[:T], self.output_lines, self.names.output)
+        self._check_known()
         return History(
             self._bridged(self.x, self._x_lines, T + 1, self.names.state),
             self._bridged(self.y, self.output_lines, T, self.names.output),

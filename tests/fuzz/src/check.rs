@@ -174,15 +174,10 @@ fn flies(new: &DdMhe, taken: &[Sample], found: &[Bits]) -> usize {
         assert!(new.is_bounded());
         return 0;
     };
-    let numbers: Vec<u64> = vec![0; bytes.len() / 8];
-    let mut aligned: Vec<u64> = numbers;
-    let words = bytes.chunks_exact(8).map(|b| u64::from_le_bytes(std::array::from_fn(|i| b[i])));
-    aligned.iter_mut().zip(words).for_each(|(to, from)| *to = from);
-    let flash: Vec<u8> = aligned.iter().flat_map(|word| word.to_le_bytes()).collect();
-    let mut room = vec![0_u8; flash.len() + 8];
+    let mut room = vec![0_u8; bytes.len() + 8];
     let first = room.as_ptr().align_offset(8);
-    room[first..first + flash.len()].copy_from_slice(&flash);
-    let plan = Plan::from_bytes(&room[first..first + flash.len()]);
+    room[first..first + bytes.len()].copy_from_slice(&bytes);
+    let plan = Plan::from_bytes(&room[first..first + bytes.len()]);
     let plan = plan.unwrap_or_else(|error| panic!("its own plan: {error}"));
     let mut memory = vec![f64::NAN; Stepper::room(&plan)];
     let Ok(mut stepper) = Stepper::new(&plan, &mut memory) else { panic!("no room") };

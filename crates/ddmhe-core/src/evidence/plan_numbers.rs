@@ -36,11 +36,11 @@ pub(crate) struct PlanNumbers {
 /// What the recording says of its states.
 #[derive(Debug, Clone)]
 pub(crate) struct Recorded {
-    /// Root-mean-square error of held-out windows of the horizon (n), in the user's units; NaN where
-    /// nothing could be held out.
+    /// Root-mean-square error of held-out windows of the horizon (n), in the user's units; NaN
+    /// where nothing could be held out.
     pub promise: Vec<f64>,
-    /// Variance of the reading noise of the states, in the user's units (n): by fifth differences, or
-    /// what an affine step leaves, whichever is less.
+    /// Variance of the reading noise of the states, in the user's units (n): by fifth differences,
+    /// or what an affine step leaves, whichever is less.
     pub start: Vec<f64>,
     /// Σ_x⁻¹ / (.7 D_most) (n × n), scaled.
     pub away: Mat<f64>,

@@ -72,7 +72,7 @@ pub struct DepthSpans {
     pub of_prior: Span,
     /// Variance of the innovation where x̄ is exact (p).
     pub innovation: Span,
-    /// That of a window whose x̄ is an estimate, which another is of a run from an unknown state (p).
+    /// That of a window whose x̄ is an estimate, not that of a run from an unknown state (p).
     pub settled: Span,
     /// Squares of innovations above which a run does not go on from the recording's end (p).
     pub going_on: Span,

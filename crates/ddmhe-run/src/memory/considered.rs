@@ -131,13 +131,10 @@ impl OfFilter {
         let s_y = step.scales[1];
         let mut measured = 0;
         for i in 0..p {
-            let c = step.model.c(i);
-            let known = dot(c, &block[x.clone()]) + step.model.pushed_output(i, &block[u.clone()]);
+            let known = step.model.expected_output(i, &block[x.clone()], &block[u.clone()]);
             let value = block[y.start + i] - known;
             for j in 0..=i {
-                let rows = block[sigma..sigma + n * n].chunks_exact(n);
-                let along = |(a, row): (&f64, &[f64])| a * dot(row, step.model.c(j));
-                let entry: f64 = c.iter().zip(rows).map(along).sum();
+                let entry = step.model.output_covariance([i, j], &block[sigma..sigma + n * n]);
                 let own = if i == j { few * step.model.R[i] } else { 0.0 };
                 block[S + i * p + j] = entry + own;
             }

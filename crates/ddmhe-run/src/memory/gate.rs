@@ -39,10 +39,9 @@ impl Gate {
         self.from > 0.0
     }
 
-    /// As at the beginning of a run.
+    /// As at the beginning of a run, in a block of zeros.
     pub fn start(&self, block: &mut [f64]) {
         if self.is_used() {
-            block[self.kept()].fill(0.0);
             block[self.scale] = 1.0;
         }
     }
