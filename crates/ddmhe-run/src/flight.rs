@@ -6,6 +6,7 @@ use crate::memory::{Memory, memory_len};
 use crate::plan::bytes::{Plan, PlanError};
 use crate::plan::common::Sizes;
 use crate::problem::{WindowProblem, WindowSolution};
+use crate::status::Status;
 use crate::stepper::{Answer, Pass, smooth};
 
 /// An estimator that runs a plan in memory of the caller's: no allocation, no standard library.
@@ -27,6 +28,7 @@ pub struct Stepper<'p, 'm> {
     of: (usize, bool), // outputs of its windows, and whether they are all since an unknown state
     found: WindowSolution,
     undecided: bool, // whether the start is still to be found
+    certain: bool,   // whether all windows so far had their minimiser
     t: usize,
 }
 
@@ -60,9 +62,9 @@ impl<'p, 'm> Stepper<'p, 'm> {
         let of = ((sizes.filled + 1).min(sizes.horizon), plan.starts_unknown());
         let problem = Self::block(plan, of).ok_or(PlanError::Sizes)?;
         let (memory, found) = (Memory::new(sizes, block), WindowSolution::default());
-        let undecided = false;
+        let (undecided, certain) = (false, true);
         let mut stepper =
-            Stepper { plan, memory, answer, log, problem, of, found, undecided, t: 0 };
+            Stepper { plan, memory, answer, log, problem, of, found, undecided, certain, t: 0 };
         stepper.reset();
         Ok(stepper)
     }
@@ -78,7 +80,7 @@ impl<'p, 'm> Stepper<'p, 'm> {
     pub fn reset(&mut self) {
         let shared = self.plan.shared();
         self.undecided = self.plan.finds_start();
-        self.t = 0;
+        (self.t, self.certain) = (0, true);
         self.memory.clear();
         for x in shared.states.chunks_exact(self.plan.n()) {
             self.memory.push_state(x.iter().copied());
@@ -103,6 +105,12 @@ impl<'p, 'm> Stepper<'p, 'm> {
     /// Whether the plan still has to find out where the run started.
     pub fn is_undecided(&self) -> bool {
         self.undecided
+    }
+
+    /// Whether the minimiser of every window of this run was found, also of those that the step
+    /// which finds the start makes again: estimates are then those of the ground, bit for bit.
+    pub fn is_certain(&self) -> bool {
+        self.certain
     }
 
     /// Consumes y(t-1) (p numbers, NaN = this entry was not measured) and returns the estimate
@@ -156,6 +164,7 @@ impl<'p, 'm> Stepper<'p, 'm> {
         let found = pass.find(y, missing, &mut out);
         pass.hand_out(&found, &mut out, |_, _| {});
         self.found = found.solution;
+        self.certain &= found.solution.status == Status::Optimal;
         self.t += 1;
         if self.memory.since() == self.problem.depth.layout.depth {
             smooth(&self.problem.shared, &mut self.memory, out.window);
@@ -177,7 +186,7 @@ impl<'p, 'm> Stepper<'p, 'm> {
         self.undecided = false;
         let (log, steps) = (core::mem::take(&mut self.log), self.t);
         let shared = self.plan.shared();
-        self.t = 0;
+        (self.t, self.certain) = (0, true);
         self.memory.clear();
         self.memory.push_state(shared.mean_x.iter().map(|_| 0.0));
         self.memory.begin(&shared, true, true);

@@ -188,9 +188,6 @@ fn flies(new: &DdMhe, taken: &[Sample], found: &[Bits]) -> usize {
         let Some(e) = stepper.step_with(&sample.y, &sample.u) else { panic!("step {k} refused") };
         let sound = e.x.iter().chain(e.window).all(|x| x.is_finite());
         assert!(sound, "in flight: {:?} {:?}", e.status, e.x);
-        if e.status != Status::Optimal {
-            return k; // in flight there is no solver to ask
-        }
         let mut parts = [bits(e.x), bits(e.window), bits(e.v), bits(e.w), bits([&e.cost])].concat();
         if let Some(own) = e.evidence {
             let value = [own.value];
@@ -198,8 +195,12 @@ fn flies(new: &DdMhe, taken: &[Sample], found: &[Bits]) -> usize {
             parts.extend(of.map(bits).concat());
             parts.push(u64::from(own.reasons.bits()));
         }
+        let (own_status, own_active) = (e.status, e.active);
+        if !stepper.is_certain() {
+            return k; // in flight there is no solver to ask
+        }
         let (numbers, _, status, active) = &found[k];
-        let same = (parts, e.status, e.active) == (numbers.clone(), *status, *active);
+        let same = (parts, own_status, own_active) == (numbers.clone(), *status, *active);
         assert!(same, "in flight, step {k}");
     }
     taken.len()
