@@ -25,8 +25,9 @@ pub(crate) struct Saved {
     bounds: Vec<f64>,
     active: Vec<(usize, f64)>, // rows and sides of the active bounds
     moves: bool,
-    chain: bool,    // whether the estimates are one filter's
-    tail: Vec<f64>, // covariance of the oldest, unless it is the stationary one
+    chain: bool,           // whether the estimates are one filter's
+    innovations: Vec<f64>, // then those of the outputs
+    tail: Vec<f64>,        // covariance of the oldest, unless it is the stationary one
     seen: Seen,
     seen_inputs: SeenInputs,
     doubts: Doubts,
@@ -103,6 +104,7 @@ impl Run {
             active: self.memory.active().map(|side| (side.row, side.sign)).collect(),
             moves: self.memory.moves(),
             chain: self.memory.is_chain(),
+            innovations: self.memory.innovations().to_vec(),
             tail: self.memory.tail().map_or_else(Vec::new, <[f64]>::to_vec),
             seen: self.seen.clone(),
             seen_inputs: self.seen_inputs.clone(),
@@ -119,7 +121,7 @@ impl Run {
 
     /// Continues a saved run from the same start.
     pub fn resume(&mut self, design: &Design, saved: Saved) -> Result<(), Error> {
-        let Saved { window, bounds, moves, chain, tail, .. } = saved;
+        let Saved { window, bounds, moves, chain, innovations, tail, .. } = saved;
         let Saved { seen, seen_inputs, doubts, evidence, t, estimate, .. } = saved;
         let Saved { gate, since, first, .. } = saved;
         let Samples { states, outputs, inputs } = &window;
@@ -148,6 +150,8 @@ impl Run {
             && estimate.evidence.is_some() == evidence.is_some()
             && (estimate.w.is_empty() || design.driving.is_some())
             && (tail.is_empty() || design.ground.sizes().recorded && tail.len() == n * n)
+            && (!chain || design.ground.sizes().recorded)
+            && innovations.len() == if chain { samples * p } else { 0 }
             && design.input_watch.allows(&seen_inputs)
             && estimate.v.len() <= design.settings.horizon * p
             && (active.is_empty() || design.problem(samples).allows(&active));
@@ -162,12 +166,13 @@ impl Run {
         check_finite("blob", states, n)?;
         check_finite("blob", inputs, m)?;
         check_finite("blob", &tail, n)?;
+        check_finite("blob", &innovations, p)?;
         check_measured("blob", begun, p + m)?;
         design.watch.check(&seen)?;
         doubts.check(&design.history)?;
         self.refill(design, &window, false);
         self.memory.resume(design.problem(samples).layout().depth, &active, moves);
-        self.memory.resume_filter(&design.ground.shared(), (chain, &tail));
+        self.memory.resume_filter(chain, [&innovations, &tail]);
         if let Some(evidence) = evidence {
             evidence.resume(&mut self.memory);
         }

@@ -221,15 +221,23 @@ impl<B: AsRef<[f64]> + AsMut<[f64]>> Memory<B> {
         self.filtering.losses.tail(self.block.as_ref(), self.states.width)
     }
 
-    /// Takes up a saved filter: whether its estimates are one, and that covariance if there is one.
-    pub fn resume_filter(&mut self, shared: &Shared<'_>, (chain, tail): (bool, &[f64])) {
-        let at = self.stretches();
+    /// ν of each output that is kept, where the estimates are one filter's: to be saved.
+    pub fn innovations(&self) -> &[f64] {
+        let kept = self.filtering.innovations();
+        &self.block.as_ref()[if self.is_chain() { kept } else { 0..0 }]
+    }
+
+    /// Takes up a saved filter: whether its estimates are one, with ν of each output, and that
+    /// covariance if there is one.
+    pub fn resume_filter(&mut self, chain: bool, [innovations, tail]: [&[f64]; 2]) {
+        let depth = self.depth;
         if !tail.is_empty() {
             self.filtering.losses.set_tail(self.block.as_mut(), tail);
         }
-        match &shared.kalman {
-            Some(kalman) if chain => self.filtering.chain(self.block.as_mut(), at, kalman),
-            _ => self.filtering.unchain(),
+        if chain {
+            self.filtering.chain(self.block.as_mut(), depth, innovations);
+        } else {
+            self.filtering.unchain();
         }
     }
 

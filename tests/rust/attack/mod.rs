@@ -48,6 +48,7 @@ proptest! {
 fn what_was_found_stays_mended() {
     timed(&Case::new(include_bytes!("found/start-after-a-failed-window.bin")));
     timed(&Case::new(include_bytes!("found/replay-of-a-lost-output.bin")));
+    timed(&Case::new(include_bytes!("found/saved-before-the-window-was-new.bin")));
 }
 
 /// `CASE=FILE cargo test --release one_case -- --ignored --nocapture`: what a fuzzer left.

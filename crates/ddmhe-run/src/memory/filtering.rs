@@ -275,11 +275,15 @@ impl Filtering {
         self.chain = false;
     }
 
-    /// They are: of a saved run.
-    pub fn chain(&mut self, block: &mut [f64], at: Stretches, kalman: &Kalman<'_>) {
-        // ν of each output, which an estimate followed
-        (1..=at.outputs.len).for_each(|k| self.step_ahead(block, at, kalman, [k + 1, k]));
-        (self.chain, self.unfiltered, self.depth) = (true, 0, at.depth);
+    /// Where ν of the outputs that are kept are.
+    pub fn innovations(&self) -> Range<usize> {
+        self.innovations.window()
+    }
+
+    /// They are: of a saved run with these ν.
+    pub fn chain(&mut self, block: &mut [f64], depth: usize, innovations: &[f64]) {
+        block[self.innovations.window()].copy_from_slice(innovations);
+        (self.chain, self.unfiltered, self.depth) = (true, 0, depth);
     }
 }
 
