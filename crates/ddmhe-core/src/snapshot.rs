@@ -7,7 +7,7 @@
 
 use crate::config::Config;
 use crate::error::Error;
-use crate::estimate::Estimate;
+use crate::estimate::{Estimate, Evidence};
 use crate::history::History;
 use crate::mhe::DdMhe;
 use crate::saved::Saved;
@@ -67,6 +67,16 @@ impl Estimate {
             && self.v.len() == samples * p
             && (self.w.is_empty() || self.w.len() == samples * n);
         let empty = self.x.is_empty() && self.window.is_empty() && self.v.is_empty();
-        empty || (whole && self.x.len() == n && rows == samples + 1)
+        let judged = self.evidence.as_ref().is_none_or(|own| own.fits(n, p));
+        judged && (empty || (whole && self.x.len() == n && rows == samples + 1))
+    }
+}
+
+impl Evidence {
+    /// Whether the sizes are those of n states and p outputs.
+    fn fits(&self, n: usize, p: usize) -> bool {
+        let of_outputs = [self.innovation.len(), self.innovation_variance.len()];
+        let flags = [self.stuck.len(), self.gated.len()];
+        self.covariance.len() == n * n && of_outputs == [p; 2] && flags == [p; 2]
     }
 }

@@ -76,3 +76,23 @@ fn recorded_inputs_beyond_computing_are_refused() {
     let found = DdMhe::new(&history.with_inputs(2, &u).unwrap(), Config::default()).err();
     assert!(found.is_some_and(|e| e.to_string().contains("u1 of magnitudes")));
 }
+
+/// A saved estimate with evidence of other sizes is none of this recording: its next step panicked.
+#[test]
+fn evidence_of_other_sizes_fits_no_estimate() {
+    let history = modes(1).record(&[1.0, 0.5], 40);
+    let (n, p) = (history.n(), history.p());
+    let mut mhe = DdMhe::new(&history, Config::default()).unwrap();
+    let estimate = mhe.step(&vec![0.1; p]).unwrap();
+    assert!(estimate.fits(n, p));
+    let spoilt = |change: fn(&mut ddmhe_core::Evidence)| {
+        let mut other = estimate.clone();
+        change(other.evidence.as_mut().unwrap());
+        other.fits(n, p)
+    };
+    assert!(!spoilt(|own| own.covariance.push(0.0)));
+    assert!(!spoilt(|own| own.innovation.clear()));
+    assert!(!spoilt(|own| own.innovation_variance.push(0.0)));
+    assert!(!spoilt(|own| own.stuck.clear()));
+    assert!(!spoilt(|own| own.gated.push(true)));
+}
