@@ -13,7 +13,7 @@ use crate::stepper::{Answer, Pass, smooth};
 ///
 /// Where a minimiser is not certain (nearly dependent active bounds, a window that has lost nearly
 /// all outputs) there is no solver to ask, and the status is
-/// [`Status::Failed`](crate::Status::Failed).
+/// [`Status::Failed`].
 ///
 /// A plan that [finds its start](Plan::finds_start) begins as one that goes on from the recording's
 /// end. Where one of the first M windows says that it does not, that step takes all outputs since
