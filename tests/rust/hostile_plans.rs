@@ -7,12 +7,12 @@ use ddmhe_core::{Config, DdMhe, Start};
 use ddmhe_run::evidence::Rule;
 use ddmhe_run::memory::memory_len;
 use ddmhe_run::plan::{Begin, Common, Depth, Kind, Sizes};
-use ddmhe_run::{PlanError, Prices, Stepper};
+use ddmhe_run::{PlanError, Prices, Status, Stepper};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 /// Steps through what was read, if anything: whether it was. A plan that was read makes no step
-/// fail, whatever its numbers and outputs are.
+/// fail and no estimate optimal that is not finite, whatever its numbers and outputs are.
 fn survived(plan: Vec<u8>) -> bool {
     let flash = Flash::new(&sealed(plan));
     let plan = match flash.read() {
@@ -27,7 +27,9 @@ fn survived(plan: Vec<u8>) -> bool {
     let outputs = [0.1, f64::NAN, -0.7, 3.0, 1e300, 0.0, -1e14].into_iter().cycle();
     for k in 0..2 * plan.horizon() + 3 {
         let y: Vec<f64> = outputs.clone().skip(k).take(plan.p()).collect();
-        assert!(stepper.step(&y).is_some(), "{k}");
+        let estimate = stepper.step(&y).unwrap();
+        let finite = estimate.x.iter().all(|x| x.is_finite());
+        assert!(finite || estimate.status != Status::Optimal, "{k}: {:?}", estimate.x);
     }
     true
 }
@@ -52,6 +54,13 @@ fn hostile_content_is_harmless() {
         }
     }
     assert!(stepped > 500 && refused > 50, "{stepped} {refused}");
+}
+
+/// Plans that once broke a promise.
+#[test]
+fn what_was_found_stays_mended() {
+    let plan = include_bytes!("attack/found/plan-whose-units-are-forged.bin");
+    assert!(survived(plan.to_vec()));
 }
 
 /// Small plans of every kind of problem and start.

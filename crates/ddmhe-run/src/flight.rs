@@ -164,7 +164,10 @@ impl<'p, 'm> Stepper<'p, 'm> {
         let found = pass.find(y, missing, &mut out);
         pass.hand_out(&found, &mut out, |_, _| {});
         self.found = found.solution;
-        self.certain &= found.solution.status == Status::Optimal;
+        if !out.x.iter().all(|x| x.is_finite()) {
+            self.found.status = Status::Failed; // of a plan that was forged
+        }
+        self.certain &= self.found.status == Status::Optimal;
         self.t += 1;
         if self.memory.since() == self.problem.depth.layout.depth {
             smooth(&self.problem.shared, &mut self.memory, out.window);
