@@ -25,9 +25,14 @@ fn survived(plan: Vec<u8>) -> bool {
     let mut memory = vec![0.0; Stepper::room(&plan)];
     let mut stepper = Stepper::new(&plan, &mut memory).unwrap();
     let outputs = [0.1, f64::NAN, -0.7, 3.0, 1e300, 0.0, -1e14].into_iter().cycle();
+    let u = vec![0.0; plan.m()];
     for k in 0..2 * plan.horizon() + 3 {
         let y: Vec<f64> = outputs.clone().skip(k).take(plan.p()).collect();
-        let estimate = stepper.step(&y).unwrap();
+        // an input may be beyond the deviations of a forged plan
+        let Some(estimate) = stepper.step_with(&y, &u) else {
+            assert!(plan.m() > 0, "{k}");
+            continue;
+        };
         let finite = estimate.x.iter().all(|x| x.is_finite());
         assert!(finite || estimate.status != Status::Optimal, "{k}: {:?}", estimate.x);
     }
