@@ -228,6 +228,14 @@ def test_files_that_are_no_logs(tmp_path):
             read(tmp_path / name)
 
 
+@pytest.mark.parametrize("text", [",\n", ",", ";;\n\n;\n", '"",""\n', "# a,y\n,\n", "\t\n,\n"])
+def test_a_file_of_empty_cells_alone_is_one_sentence(tmp_path, text):
+    (tmp_path / "log.csv").write_text(text)
+    with pytest.raises(LogError, match="expected") as e:
+        read(tmp_path / "log.csv")
+    assert "\n" not in str(e.value)
+
+
 @pytest.mark.parametrize(
     ("options", "text"),
     [

@@ -102,6 +102,8 @@ def _rows(
         raise LogError(
             f"{path}: expected a CSV table, found one that cannot be read ({reason(e)})"
         ) from e
+    if not found:
+        raise LogError(f"{path}: expected a header line and samples, found empty cells alone")
     return _trimmed(found, ended, habit.header is not None)
 
 
