@@ -228,6 +228,31 @@ def test_files_that_are_no_logs(tmp_path):
             read(tmp_path / name)
 
 
+@pytest.mark.parametrize(
+    ("header", "name"),
+    [
+        ("b,y,a,b", "b"),
+        (",y,a,", ""),
+        ("sec,nanosec,a,sec,y", "sec"),
+        ("secs,nsec,a,nsec,y", "nsec"),
+    ],
+)
+def test_a_clock_whose_name_is_there_twice_is_refused(tmp_path, header, name):
+    rows = [f"{k},{k % 2},{k},{k},{k}"[: 2 * len(header.split(",")) - 1] for k in range(9)]
+    (tmp_path / "log.csv").write_text("\n".join([header, *rows]))
+    with pytest.raises(LogError, match=f"one column named '{name}', found 2"):
+        read_log(tmp_path / "log.csv", ["a"], ["y"])
+
+
+def test_a_separator_that_ends_each_line_makes_no_column(tmp_path):
+    rows = [f"{0.1 * k:.1f},{k % 5},{k % 3}," for k in range(9)]
+    (tmp_path / "log.csv").write_text("\n".join(["t,a,y,", *rows]))
+    log = read_log(tmp_path / "log.csv", ["a"], ["y"])
+    assert log.x[:4, 0].tolist() == [0, 1, 2, 3]
+    (tmp_path / "log.csv").write_text("\n".join([",a,y,", *rows]))
+    assert read_log(tmp_path / "log.csv", ["a"], ["y"]).t[1] == pytest.approx(0.1)
+
+
 @pytest.mark.parametrize("text", [",\n", ",", ";;\n\n;\n", '"",""\n', "# a,y\n,\n", "\t\n,\n"])
 def test_a_file_of_empty_cells_alone_is_one_sentence(tmp_path, text):
     (tmp_path / "log.csv").write_text(text)

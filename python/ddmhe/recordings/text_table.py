@@ -145,6 +145,9 @@ def _table(path: str, rows: list[tuple[int, list[str]]], habit: Habit) -> tuple[
     if not rows:
         raise LogError(f"{path}: expected samples after the header line, found none")
     width = len(header)
+    while width > 1 and not header[width - 1] and not any(any(c[width - 1 :]) for _, c in rows):
+        width -= 1  # a separator at the end of each line
+    header = header[:width]
     for line, cells in rows:
         if len(cells) > width and any(cells[width:]):
             hint = f"; a cell with {NAMES[habit.sep]} in it needs quotes"

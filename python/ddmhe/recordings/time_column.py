@@ -66,6 +66,8 @@ def _first(table: Table, own: set[str], asked: Names) -> tuple[str, str]:
     if taken:
         _not_asked(table, asked, taken[0])
     unit = table.units.get(name) or unit_of(name)
+    if table.header.count(name) > 1:
+        table.find("time", name)  # says so
     other = name in own or (unit and unit_word(unit) is None)
     values = None if other else _numbers(table.columns[0], table.decimal)
     if values is None or values.size < 2 or not np.all(np.isfinite(values)):
@@ -185,8 +187,9 @@ def _seconds_and_nanos(table: Table) -> tuple[tuple[str, str], list[str]] | None
         found = _SECONDS.match(name)
         if found is None or (found["stem"] and found["stem"][-1].isalnum()):
             continue
-        beside = [found["stem"] + word for word in _NANOS if found["stem"] + word in table.header]
-        if len(beside) != 1:
+        every = [found["stem"] + word for word in _NANOS]
+        beside = [name for name in every for _ in range(table.header.count(name))]
+        if len(beside) != 1 or table.header.count(name) > 1:
             continue
         whole, part = table.column(name), table.column(beside[0])
         try:
