@@ -253,6 +253,14 @@ def test_a_separator_that_ends_each_line_makes_no_column(tmp_path):
     assert read_log(tmp_path / "log.csv", ["a"], ["y"]).t[1] == pytest.approx(0.1)
 
 
+@pytest.mark.parametrize("tiny", [1e-320, 1e-310, 1e-300, 1e-200])
+def test_steps_next_to_nothing_are_one_sentence(tmp_path, tiny):
+    rows = [f"{t},1,{k % 2}" for k, t in enumerate([0, tiny, 2, 3])]
+    (tmp_path / "log.csv").write_text("\n".join(["t,a,y", *rows]))
+    with pytest.raises(LogError, match="expected regular sampling"):
+        read_log(tmp_path / "log.csv", ["a"], ["y"])
+
+
 @pytest.mark.parametrize("text", [",\n", ",", ";;\n\n;\n", '"",""\n', "# a,y\n,\n", "\t\n,\n"])
 def test_a_file_of_empty_cells_alone_is_one_sentence(tmp_path, text):
     (tmp_path / "log.csv").write_text(text)

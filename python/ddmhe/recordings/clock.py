@@ -44,13 +44,16 @@ def samples_of(t: Array) -> NDArray[np.int64]:
     steps = np.diff(t)
     regular = steps[steps <= GAP * np.median(steps)]
     step = float(regular.mean())  # stamps of whole milliseconds have a coarse median
-    late = (t - t[0]) / step - np.arange(t.size)
+    with np.errstate(over="ignore"):  # of steps next to nothing beside long ones
+        late = (t - t[0]) / step - np.arange(t.size)
     lost = np.zeros(t.size, dtype=np.int64)
     first = 0  # rows before the last loss tell nothing of the envelope now
+        lasting = np.minimum(steps / step, LONGEST_LOOK).astype(int)
     for i in np.flatnonzero(steps > GAP * step):
-        ahead = LOOK + min(int(steps[i] / step), LONGEST_LOOK)
+        ahead = LOOK + lasting[i]
         before = late[max(first, i + 1 - LOOK) : i + 1].min()
-        rows = np.nan_to_num(late[i + 1 : i + 1 + ahead].min() - before)
+        with np.errstate(invalid="ignore"):
+            rows = np.nan_to_num(late[i + 1 : i + 1 + ahead].min() - before)
         lost[i + 1] = round(float(np.clip(rows, 0, MOST_LOST)))
         first = int(i) + 1 if lost[i + 1] else first
     return np.asarray(np.arange(t.size) + np.cumsum(lost), dtype=np.int64)
