@@ -46,9 +46,9 @@ def samples_of(t: Array) -> NDArray[np.int64]:
     step = float(regular.mean())  # stamps of whole milliseconds have a coarse median
     with np.errstate(over="ignore"):  # of steps next to nothing beside long ones
         late = (t - t[0]) / step - np.arange(t.size)
+        lasting = np.minimum(steps / step, LONGEST_LOOK).astype(int)
     lost = np.zeros(t.size, dtype=np.int64)
     first = 0  # rows before the last loss tell nothing of the envelope now
-        lasting = np.minimum(steps / step, LONGEST_LOOK).astype(int)
     for i in np.flatnonzero(steps > GAP * step):
         ahead = LOOK + lasting[i]
         before = late[max(first, i + 1 - LOOK) : i + 1].min()
