@@ -31,6 +31,7 @@ __all__ = [
     "one_line",
     "reason",
     "shown",
+    "times",
     "word",
 ]
 
@@ -173,3 +174,9 @@ def reason(said: object, longest: int | None = LONGEST_REASON) -> str:
 def one_line(text: str) -> str:
     """The text with escapes for what a terminal would obey or could not show."""
     return "".join(c if c.isprintable() else repr(c)[1:-1] for c in text)
+
+
+def times(ratio: float, whose: str) -> str:
+    """How often something is as large as another, in words; what is the same is said so."""
+    rounded = f"{ratio:.2g}"
+    return f"as much as {whose}" if rounded == "1" else f"{rounded} times {whose}"

@@ -100,7 +100,7 @@ def test_design_reports_what_cannot_be(log, tmp_path):
 
 def test_tune_writes_settings_that_estimate_takes(log, tmp_path):
     result = in_a_process("tune", log, *COLUMNS, "--history", 8, "--rest", "--out", tmp_path)
-    assert (result.returncode, result.stderr) == (0, "")
+    assert result.returncode == 0
     assert "held-out quarters" in result.stdout
     assert (tmp_path / "tune.png").read_bytes().startswith(PNG)
     assert len(pd.read_csv(tmp_path / "tune.csv")) > 100
@@ -111,7 +111,9 @@ def test_tune_writes_settings_that_estimate_takes(log, tmp_path):
             line for line in result.stdout.splitlines() if line.strip("│ ").startswith(f"{column} ")
         ]
         assert re.search(
-            r"│ +[\d.e-]+ +│ +[\d.e-]+ to [\d.e-]+ +│ +(cannot tell|[\d.e-]+ times its error)", row
+            r"│ +[\d.e-]+ +│ +[\d.e-]+ to [\d.e-]+ +│ +"
+            r"(cannot tell|as much as its error|[\d.e-]+ times its error)",
+            row,
         )
     assert ddmhe.config.read_config(tmp_path / "tune.toml")["start"] == "recording"
     estimated = in_here(

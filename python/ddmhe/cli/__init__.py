@@ -12,18 +12,27 @@ import click
 from ddmhe._core import DdmheError
 from ddmhe.checks import file_words, reason
 from ddmhe.cli import demo, design, estimate, interval, reproduce, tune
+from ddmhe.cli.interrupts import ended_by_interrupts
 
 __all__ = ["cli", "main"]
 
 LONGEST = 1000
 """Characters of a usage error, which may quote what was typed."""
+WIDEST_HELP = 100
+"""Columns of help, where the terminal has them."""
 
 
-@click.group(no_args_is_help=False, context_settings={"help_option_names": ["-h", "--help"]})
+@click.group(
+    invoke_without_command=True,
+    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": WIDEST_HELP},
+)
 @click.version_option(package_name="ddmhe", prog_name="ddmhe")
-def cli() -> None:
+@click.pass_context
+def cli(ctx: click.Context) -> None:
     """Data-driven moving horizon estimation: the state of a system from its outputs and one
     recording, no model."""
+    if ctx.invoked_subcommand is None:
+        click.echo(ctx.get_help())
 
 
 for _module in (demo, estimate, design, tune, interval, reproduce):
@@ -38,7 +47,8 @@ def main() -> NoReturn:
             # a terminal that lacks a character must not end the run
             stream.reconfigure(errors="replace")
     try:
-        sys.exit(cli.main(prog_name="ddmhe", standalone_mode=False))
+        with ended_by_interrupts():
+            sys.exit(cli.main(prog_name="ddmhe", standalone_mode=False))
     except click.Abort:
         sys.exit(130)
     except click.UsageError as e:

@@ -4,23 +4,23 @@ figure."""
 from __future__ import annotations
 
 import time
+from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from itertools import count
 from pathlib import Path
 from typing import Any
 
 import click
 import numpy as np
 from numpy.typing import NDArray
-from rich.console import Console
-from rich.progress import Progress
 from rich.table import Table
 
 from ddmhe import models, report
 from ddmhe._core import DdMhe, History
 from ddmhe.cases.satellite import BOX, DT, DURATION, HISTORY, PAPER, T
+from ddmhe.cli.answer import Answer, answers
 from ddmhe.cli.options import directory_option
-from ddmhe.cli.printing import print_warnings, print_written
 from ddmhe.cli.telling import in_words_of
 from ddmhe.logs import Names
 from ddmhe.reasons import Reason
@@ -46,7 +46,7 @@ NAMES = Names("time", AXES, ("torque_x", "torque_y", "torque_z"))
 """What warnings call them and the outputs."""
 
 
-@click.command("demo")
+@click.command("demo", short_help="The paper's satellite: simulated, recorded, estimated.")
 @directory_option("ddmhe-demo")
 @click.option(
     "--seed",
@@ -56,25 +56,29 @@ NAMES = Names("time", AXES, ("torque_x", "torque_y", "torque_z"))
     help="Seed of the torque noise.",
 )
 @click.option("--noise", type=float, default=0.01, show_default=True, help="Torque noise, N m.")
-def command(out: Path, seed: int, noise: float) -> None:
+@answers
+def command(answer: Answer, out: Path, seed: int, noise: float) -> None:
     """Estimate the spin of a tumbling satellite from the braking torque alone (the paper's 3-DOF
     case).
 
     Records 20 s, estimates the next 100 s step by step, and writes estimate.csv and estimate.png
     into DIR."""
-    console = Console()
-    with Progress(console=console, disable=not console.is_terminal, transient=True) as progress:
-        task = progress.add_task("estimating", total=STEPS * len(SETTINGS))
-        recording, results = _runs(noise, seed, lambda: progress.advance(task))
+    total = STEPS * len(SETTINGS)
+    with answer.working("estimating") as advance:
+        done = count(1)
+        recording, results = _runs(noise, seed, lambda: advance(next(done), total))
     written = _write(out, recording, results)
-    console.print(_summary(recording, results, noise))
+    answer.show(_summary(recording, results, noise))
+    runs = {}
     for name, result in results.items():
         error = np.rad2deg(result.x_hat - recording.x[T + 1 :])
-        words = f"{name}: {_trust_words(result, error)}"
-        console.print(words, markup=False, highlight=False, soft_wrap=True)
+        answer.say(f"{name}: {_trust_words(result, error)}")
+        runs[name] = _facts(result, error)
+    answer.facts(noise=noise, seed=seed, runs=runs)
     for name, result in results.items():
-        print_warnings(console, f"{name}: ", in_words_of(NAMES, result.est.warnings))
-    print_written(console, written)
+        for sentence in in_words_of(NAMES, result.est.warnings):
+            answer.warn(f"{name}: {sentence}")
+    answer.wrote(written)
 
 
 @dataclass(frozen=True, eq=False)
@@ -149,6 +153,30 @@ def _column(result: Run, error: Array) -> dict[str, str]:
         **trust,
         **times,
         **report.outcome(result.status, result.active),
+    }
+
+
+def _facts(result: Run, error: Array) -> dict[str, Any]:
+    """The numbers of a column; errors in deg/s."""
+    est, trust = result.est, result.trust
+    median, slow = np.percentile(result.seconds, [50, 99])
+    return {
+        "horizon": est.horizon,
+        "rho": est.rho,
+        "mu": est.mu,
+        "weights": est.weights,
+        "trajectory_space": {"directions": est.rank, "ridge": est.ridge},
+        "spectral_radius": est.spectral_radius,
+        "rmse_deg_s": dict(zip(AXES, report.rmse(error), strict=True)),
+        "rmse_norm_deg_s": {f"{s:g}": report.rmse_norm(error[: round(s / DT)]) for s in SPANS},
+        "trusted": float(np.mean(trust.trusted)),
+        "within_3_std": [
+            {"of": of, "share": share, "count": size}
+            for of, share, size in trust.shares(np.deg2rad(error))
+        ],
+        "step_seconds": {"median": median, "p99": slow},
+        "status": Counter(result.status),
+        "no_bound_active": float(np.mean(np.equal(result.active, 0))),
     }
 
 

@@ -3,22 +3,26 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
-from rich.console import Console
+import numpy as np
 
 from ddmhe import report
+from ddmhe._core import History
 from ddmhe.checks import word
+from ddmhe.cli.answer import Answer, answers
 from ddmhe.cli.options import directory_option, log_options
-from ddmhe.cli.printing import print_written
-from ddmhe.cli.reading import print_notes, read
+from ddmhe.cli.reading import read
 from ddmhe.config import write_config
+
+if TYPE_CHECKING:
+    from ddmhe.design import AffineModel, Certificate, PolePlacement
 
 __all__ = ["command"]
 
 
-@click.command("design")
+@click.command("design", short_help="Algorithm 2 and a stability certificate from a recording.")
 @log_options
 @directory_option("ddmhe-design")
 @click.option(
@@ -43,8 +47,15 @@ __all__ = ["command"]
 @click.option(
     "--noise-kind", type=click.Choice(["bounded", "gaussian"]), default="bounded", show_default=True
 )
+@answers
 def command(
-    log: Path, out: Path, radius: float, eta: float | None, condition: float | None, **given: Any
+    answer: Answer,
+    log: Path,
+    out: Path,
+    radius: float,
+    eta: float | None,
+    condition: float | None,
+    **given: Any,
 ) -> None:
     """Stability from a recording: Algorithm 2 with its limits, and a certificate for the estimator.
 
@@ -53,24 +64,59 @@ def command(
     from ddmhe import design as designs
     from ddmhe.report.figures import pole_figure
 
-    _, split = read(log, given)
+    _, split = read(answer, log, given)
     noise = None
     if any(given[f"noise_{name}"] != 0 for name in "xyw"):
         noise = designs.RecordingNoise(
             given["noise_x"], given["noise_y"], given["noise_w"], given["noise_kind"]
         )
-    model = designs.identify(split.history)
-    placement = designs.pole_placement(split.history, radius)
-    certificate = designs.ioss(split.history, eta, condition=condition, noise=noise)
+    with answer.working("designing"):
+        model = designs.identify(split.history)
+        placement = designs.pole_placement(split.history, radius)
+        certificate = designs.ioss(split.history, eta, condition=condition, noise=noise)
     out.mkdir(parents=True, exist_ok=True)
     written = [out / "design.toml", out / "poles.png"]
     write_config(written[0], {"certificate": certificate})
     report.save_figure(pole_figure(model, placement), written[1])
-    console = Console()
-    print_notes(console, split)
-    console.print(
+    answer.show(
         report.design(f"Design from {word(log.name)}", split.history, model, placement, certificate)
     )
     for words in (placement.words, certificate.words):
-        console.print(words, markup=False, highlight=False)
-    print_written(console, written)
+        answer.say(words)
+    answer.facts(**_facts(split.history, model, placement, certificate))
+    answer.wrote(written)
+
+
+def _facts(
+    h: History, model: AffineModel, placement: PolePlacement, certificate: Certificate
+) -> dict[str, Any]:
+    """Every number of the table."""
+    return {
+        "history": {"T": h.T, "dt": h.dt, "n": h.n, "p": h.p, "m": h.m},
+        "model": {"A": model.A, "B": model.B, "e": model.e, "C": model.C, "D": model.D}
+        | {"r": model.r, "poles": list(np.linalg.eigvals(model.A).astype(complex))},
+        "algorithm_2": {
+            "rank": placement.rank,
+            "required_rank": placement.required_rank,
+            "singular_values": placement.singular_values,
+            "region": str(placement.region),
+            "beta": placement.beta,
+            "poles": list(np.asarray(placement.poles, dtype=complex)),
+            "rho0": placement.rho0,
+            "mu0": placement.mu0,
+            "rho0_identified": placement.rho0_identified,
+            "mu0_identified": placement.mu0_identified,
+            "rho0_of_any_gain": placement.lower_bound,
+            "certified": placement.certified,
+            "words": placement.words,
+        },
+        "certificate": {
+            "eta": certificate.eta,
+            "horizon": certificate.horizon,
+            "condition": certificate.condition,
+            "trace_Q": np.trace(certificate.Q),
+            "trace_R": np.trace(certificate.R),
+            "residual": certificate.residual,
+            "words": certificate.words,
+        },
+    }

@@ -20,11 +20,11 @@ import numpy as np
 
 from ddmhe._core import DdMhe, DdmheError, Estimate
 from ddmhe.checks import check_path, file_words, one_line, reason
-from ddmhe.cli.printing import warn
+from ddmhe.cli.answer import Answer
 from ddmhe.cli.telling import in_words_of
 from ddmhe.files import write
 from ddmhe.recordings.csv_log import log_with_table
-from ddmhe.recordings.errors import LogError
+from ddmhe.recordings.errors import LogError, Names
 from ddmhe.recordings.log import Log
 from ddmhe.recordings.options import Reading
 from ddmhe.recordings.reading import Recorded, pick, recorded_of
@@ -131,14 +131,15 @@ class Writer:
 
 
 def follow(
+    answer: Answer,
     log: Path,
     given: dict[str, Any],
-    settings: Callable[[bool], dict[str, Any]],
+    settings: Callable[[Names, bool], dict[str, Any]],
     out: Path | None,
     resume: Path | None,
 ) -> None:
     """Estimate a log while it is written, until its end or a signal; `settings` gives the keywords
-    of DdMhe, told whether the log goes on where its recording ends."""
+    of DdMhe, told the names of columns and whether the log goes on where its recording ends."""
     snapshot = resume if resume is not None else Path(
         "ddmhe-follow.snapshot" if str(log) == "-" else f"{log}.snapshot"
     )  # fmt: skip
@@ -149,19 +150,20 @@ def follow(
         lines = Lines(log, 0, b"")
         source = iter(lines)
         begun, stream = _begun(lines, source, given)
-        est = DdMhe(begun.history, **settings(begun.goes_on))
+        est = DdMhe(begun.history, **settings(begun.names, begun.goes_on))
         names, time = list(begun.names.state), begun.names.time
         notes = one_line("; ".join(begun.notes))
-        print(f"ddmhe: {begun.log.path}: {notes}", file=sys.stderr)
+        if not answer.quiet:
+            print(f"ddmhe: {begun.log.path}: {notes}", file=sys.stderr)
         for sentence in in_words_of(begun.names, est.warnings):
-            warn(sentence)
+            answer.warn(sentence)
     with _opened(out, begun is None) as target:
         writer = Writer(target, stream.format.sep is None, names, time)
         if begun is not None:
             writer.begin()
             _catch_up(begun, est, stream, writer)
         for line in lines if begun is None else source:
-            _one(line, lines, est, stream, writer)
+            _one(answer, line, lines, est, stream, writer)
     if lines.stopped:
         _store(snapshot, est, stream, lines, names, time)
         print(f"ddmhe: stopped; --resume {snapshot} goes on from here", file=sys.stderr)
@@ -228,7 +230,9 @@ def _catch_up(begun: Recorded, est: DdMhe, stream: Stream, writer: Writer) -> No
         writer.put(stream.format.later(plain, log.dt), e, bool(log.lines[k] > 0))
 
 
-def _one(line: str, lines: Lines, est: DdMhe, stream: Stream, writer: Writer) -> None:
+def _one(
+    answer: Answer, line: str, lines: Lines, est: DdMhe, stream: Stream, writer: Writer
+) -> None:
     """The estimates that a line brings: of samples that were lost before it, and of its own. A line
     that is none is told and left out."""
     if not line.strip():
@@ -238,11 +242,11 @@ def _one(line: str, lines: Lines, est: DdMhe, stream: Stream, writer: Writer) ->
     try:
         lost, row = stream.take(line)
     except DdmheError as error:
-        warn(f"{lines.path}, line {lines.number}: {error}; left out")
+        answer.warn(f"{lines.path}, line {lines.number}: {error}; left out")
         return
     if lost > 0:
         held = "" if known is None else ", their inputs taken as before"
-        warn(f"{lines.path}, line {lines.number}: {lost} samples lost before{held}")
+        answer.warn(f"{lines.path}, line {lines.number}: {lost} samples lost before{held}")
         for k in range(lost):
             e = est.step(np.full(est.p, np.nan), known)
             writer.put(stream.format.later(before, (k + 2) * dt), e, False)

@@ -2,27 +2,28 @@
 
 from __future__ import annotations
 
-import sys
+from itertools import count
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 import numpy as np
-from rich.console import Console
-from rich.progress import Progress
 
 from ddmhe import report
 from ddmhe._core import DdmheError
-from ddmhe.checks import one_line, word
+from ddmhe.checks import word
+from ddmhe.cli.answer import Answer, answers
 from ddmhe.cli.options import directory_option, radius, reading_options
-from ddmhe.cli.printing import print_written
-from ddmhe.cli.reading import print_notes, read
+from ddmhe.cli.reading import read
 from ddmhe.recordings import Log, Recorded
+
+if TYPE_CHECKING:
+    from ddmhe.interval import ObserverDesign
 
 __all__ = ["command"]
 
 
-@click.command("interval")
+@click.command("interval", short_help="Guaranteed intervals, of a log or of the paper's pendulum.")
 @click.argument("log", metavar="pendulum|LOG")
 @reading_options(required=False)
 @click.option(
@@ -46,7 +47,8 @@ __all__ = ["command"]
 )
 @click.option("--accept-wide", is_flag=True, help="Write bounds that say little, too.")
 @directory_option("ddmhe-interval")
-def command(log: str, out: Path, **given: Any) -> None:
+@answers
+def command(answer: Answer, log: str, out: Path, **given: Any) -> None:
     """Guaranteed intervals: of the interval paper's pendulum, or of a LOG's states after its
     history.
 
@@ -55,57 +57,66 @@ def command(log: str, out: Path, **given: Any) -> None:
     stated bounds on its noise, and a verdict: the width against the recorded range. Bounds wider
     than half of it are refused with exit code 2."""
     if log == "pendulum":
-        _pendulum(out)
+        _pendulum(answer, out)
     else:
-        _log(Path(log), out, given)
+        _log(answer, Path(log), out, given)
 
 
-def _pendulum(out: Path) -> None:
+def _pendulum(answer: Answer, out: Path) -> None:
     """The interval paper's pendulum."""
     from ddmhe.reproduce import run_experiment
     from ddmhe.reproduce.experiments import EXPERIMENTS
     from ddmhe.reproduce.pendulum import design
 
-    console = Console(width=None if sys.stdout.isatty() else 160)
-    with Progress(console=console, disable=not console.is_terminal, transient=True) as progress:
-        task = progress.add_task("pendulum", total=EXPERIMENTS["pendulum"].units)
-        result, written = run_experiment("pendulum", out, lambda: progress.advance(task))
+    total = EXPERIMENTS["pendulum"].units
+    with answer.working("pendulum") as advance:
+        done = count(1)
+        result, written = run_experiment("pendulum", out, lambda: advance(next(done), total))
     designs = {"paper (42), lambda = 0.5": design(), "exact, lambda = 0.5": design("exact")}
     designs["exact, best lambda"] = design("exact", None)
     columns = {name: report.observer_design(g) for name, g in designs.items()}
-    console.print(report.table("Observer of the pendulum (60)", columns), *result.printed)
-    print_written(console, written)
+    answer.show(report.table("Observer of the pendulum (60)", columns), *result.printed)
+    answer.facts(observers={name: _design_facts(g) for name, g in designs.items()})
+    answer.facts(tables=[report.cells(table) for table in result.printed])
+    answer.wrote(written)
 
 
-def _log(log: Path, out: Path, given: dict[str, Any]) -> None:
+def _design_facts(design: ObserverDesign) -> dict[str, Any]:
+    names = ("gain", "mu_w", "mu_v", "gamma", "lam", "verified", "slack")
+    return {name: getattr(design, name) for name in names}
+
+
+def _log(answer: Answer, log: Path, out: Path, given: dict[str, Any]) -> None:
     """Intervals of a log, written only if they say something."""
     from ddmhe.interval import from_history, judge
 
     radii = _radii(given)
-    samples, split = read(log, given)
+    samples, split = read(answer, log, given)
     names = samples.names.state, samples.names.output
-    model = from_history(split.history, *radii.values(), kappa=given["kappa"], names=names)
-    bounds = model.observer().run(split.Y)
+    with answer.working("bounding"):
+        model = from_history(split.history, *radii.values(), kappa=given["kappa"], names=names)
+        bounds = model.observer().run(split.Y)
     if bounds.violation is not None:
         at = f"at {split.t[len(bounds)]:g} s {bounds.violation}"
         raise DdmheError(
             f"--w-radius, --v-radius: expected bounds that the whole log keeps, found {at}"
         )
     verdict = judge(bounds.lower, bounds.upper, (model.lower, model.upper), split.t, names[0])
-    console = Console()
-    print_notes(console, split)
-    console.print(
+    answer.show(
         report.table(f"Intervals of {word(log.name)}", {"": _rows(model, bounds, split, names)})
     )
     for words in (model.words, f"verdict: {verdict.words}"):
-        console.print(one_line(words), markup=False, highlight=False, soft_wrap=True)
+        answer.say(words)
+    answer.facts(**_facts(model, bounds, split, names), words=model.words)
+    answer.facts(verdict=verdict.words, useful=verdict.useful)
     if not (verdict.useful or given["accept_wide"]):
+        answer.end()
         raise DdmheError(
             "--w-radius, --v-radius: expected bounds narrower than half of the recorded range, "
             f"found {verdict.words}; nothing is written, --accept-wide writes them all the same"
         )
     out.mkdir(parents=True, exist_ok=True)
-    print_written(console, _write(out, samples, split, bounds))
+    answer.wrote(_write(out, samples, split, bounds))
 
 
 def _radii(given: dict[str, Any]) -> dict[str, Any]:
@@ -136,13 +147,36 @@ def _rows(
     ):
         for name, r, low in zip(called, bound, least, strict=True):
             rows[f"{argument} of {name}"] = f"{r:.4g} (smallest admissible {low:.4g})"
-    if split.x_true is not None:
-        known = np.isfinite(split.x_true)
-        out_of = ((split.x_true < bounds.lower) | (split.x_true > bounds.upper)) & known
-        rows["samples of the log outside"] = (
-            f"{int(out_of.any(axis=1).sum())} of {int(known.all(axis=1).sum())}"
-        )
+    outside = _outside(bounds, split)
+    if outside is not None:
+        rows["samples of the log outside"] = f"{outside[0]} of {outside[1]}"
     return rows
+
+
+def _outside(bounds: Any, split: Recorded) -> tuple[int, int] | None:
+    """How many logged states are outside of the bounds, and how many there are; None for none."""
+    if split.x_true is None:
+        return None
+    known = np.isfinite(split.x_true)
+    out_of = ((split.x_true < bounds.lower) | (split.x_true > bounds.upper)) & known
+    return int(out_of.any(axis=1).sum()), int(known.all(axis=1).sum())
+
+
+def _facts(
+    model: Any, bounds: Any, split: Recorded, names: tuple[tuple[str, ...], tuple[str, ...]]
+) -> dict[str, Any]:
+    """Every number of the table; null where no bound is finite."""
+    with np.errstate(over="ignore"):
+        width = np.median(bounds.upper - bounds.lower, axis=0)
+    outside = _outside(bounds, split)
+    return {
+        "median_width": dict(zip(names[0], width, strict=True)),
+        "w_radius": dict(zip(names[0], model.w_radius, strict=True)),
+        "w_least": dict(zip(names[0], model.w_least, strict=True)),
+        "v_radius": dict(zip(names[1], model.v_radius, strict=True)),
+        "v_least": dict(zip(names[1], model.v_least, strict=True)),
+        "outside": None if outside is None else {"samples": outside[0], "of": outside[1]},
+    }
 
 
 def _write(out: Path, samples: Log, split: Recorded, bounds: Any) -> list[Path]:

@@ -12,11 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ddmhe.checks import shown
+from ddmhe.cli.values import numbers, parsed
+from ddmhe.files import check_writable
 from ddmhe.recordings.order import DUPLICATES
 
 Array = NDArray[np.float64]
 
-__all__ = ["deviations", "directory_option", "log_options", "radius", "reading_options"]
+__all__ = ["directory_option", "log_options", "radius", "reading_options"]
 
 
 def names(ctx: click.Context, param: click.Parameter, value: str | None) -> tuple[str, ...]:
@@ -35,48 +37,16 @@ def names(ctx: click.Context, param: click.Parameter, value: str | None) -> tupl
     return names
 
 
-def numbers(
-    ctx: click.Context, param: click.Parameter, value: str | None
-) -> tuple[float, ...] | None:
-    """Finite numbers from a comma-separated list."""
-    if value is None:
-        return None
-    numbers = _parsed(value)
-    if not numbers or not np.isfinite(numbers).all():
-        raise click.BadParameter(
-            f"expected finite numbers separated by commas, found {shown(value)}"
-        )
-    return numbers
-
-
 def radius(ctx: click.Context, param: click.Parameter, value: str | None) -> Array | None:
     """One number for all columns, or one a column, separated by commas."""
     if value is None:
         return None
-    found = np.array(_parsed(value))
+    found = np.array(parsed(value))
     if not found.size:
         raise click.BadParameter(
             f"expected a number, or one a column parted by commas, found {shown(value)}"
         )
     return found[0] if len(found) == 1 else found
-
-
-def deviations(
-    ctx: click.Context, param: click.Parameter, value: str | None
-) -> float | tuple[float, ...] | None:
-    """One finite number for all columns, or one a column, separated by commas."""
-    found = numbers(ctx, param, value)
-    return found[0] if found is not None and len(found) == 1 else found
-
-
-def gate(ctx: click.Context, param: click.Parameter, value: str | None) -> float | str | None:
-    """A number of deviations, or "auto"."""
-    if value is None or value == "auto":
-        return value
-    try:
-        return float(value)
-    except ValueError:
-        raise click.BadParameter(f"expected auto or a number, found {value!r}") from None
 
 
 def delays(
@@ -86,28 +56,20 @@ def delays(
     if value is None:
         return None
     if "=" not in value:
-        found = _parsed(value)
+        found = parsed(value)
         if len(found) != 1 or not np.isfinite(found[0]):
             raise click.BadParameter(f"expected seconds, or NAME=SECONDS, found {value!r}")
         return found[0]
     named: dict[str, float] = {}
     for part in value.split(","):
         name, _, seconds = (text.strip() for text in part.rpartition("="))
-        found = _parsed(seconds)
+        found = parsed(seconds)
         if not name or name in named or len(found) != 1 or not np.isfinite(found[0]):
             raise click.BadParameter(
                 f"expected different NAME=SECONDS parted by commas, found {value!r}"
             )
         named[name] = found[0]
     return named
-
-
-def _parsed(value: str) -> tuple[float, ...]:
-    """The numbers of a comma-separated list; none where one of them is no number."""
-    try:
-        return tuple(float(part) for part in value.split(","))
-    except ValueError:
-        return ()
 
 
 _HOW_TO_READ: list[Callable[[Any], Any]] = [
@@ -202,13 +164,20 @@ def reading_options(required: bool) -> Callable[[Any], Any]:
 
 
 def directory_option(default: str) -> Callable[[Any], Any]:
-    """Where a command writes its files."""
+    """Where a command writes its files: a place that can be written to, which is checked first."""
+
+    def checked(ctx: click.Context, param: click.Parameter, value: Path) -> Path:
+        check_writable(value / "any")
+        return value
+
     return click.option(
         "--out",
         type=click.Path(path_type=Path),
         default=Path(default),
         show_default=True,
         metavar="DIR",
+        callback=checked,
+        help="Where files are written.",
     )
 
 

@@ -8,11 +8,10 @@ from pathlib import Path
 from typing import Any
 
 import click
-from rich.console import Console
 
 from ddmhe._core import History, wrapped_angle
-from ddmhe.checks import file_words, one_line, shown, word
-from ddmhe.cli.printing import warn
+from ddmhe.checks import file_words, shown, word
+from ddmhe.cli.answer import Answer
 from ddmhe.cli.telling import in_words_of
 from ddmhe.recordings.csv_log import log_of
 from ddmhe.recordings.errors import Names
@@ -21,18 +20,18 @@ from ddmhe.recordings.oddities import far_out
 from ddmhe.recordings.options import Reading
 from ddmhe.recordings.reading import Recorded, pick, recorded_of
 
-__all__ = ["print_notes", "read", "untold"]
+__all__ = ["late_words", "read", "untold"]
 
 
 SHOWN = 3
 """How many values and lines a warning names."""
 
 
-def read(log: Path, given: dict[str, Any]) -> tuple[Log, Recorded]:
+def read(answer: Answer, log: Path, given: dict[str, Any]) -> tuple[Log, Recorded]:
     """The samples of a log and what an estimator takes of it; takes the options of `log_options`
     out of `given`.
 
-    What sits oddly in a column is pointed out on stderr.
+    What was inferred is said, what sits oddly in a column is warned of.
     """
     columns = tuple(given.pop(name, ()) for name in ("state", "output", "input"))
     history, recording, gaps = (given.pop(name) for name in ("history", "recording", "gaps"))
@@ -42,24 +41,20 @@ def read(log: Path, given: dict[str, Any]) -> tuple[Log, Recorded]:
     how = Reading(
         **options | {"missing": options["missing"] or (), "delay": options["delay"] or 0.0}
     )
-    samples = log_of(log, columns, how)
-    parts = [pick(source, columns, how) for source in recording]
+    with answer.working("reading"):
+        samples = log_of(log, columns, how)
+        parts = [pick(source, columns, how) for source in recording]
     for one in (*parts, samples):
         for sentence in _oddities(one):
-            warn(sentence)
+            answer.warn(sentence)
     recorded = recorded_of(samples, parts, history, fill=gaps == "fill")
     late = late_words(recorded.history, samples.names)
     if late:
-        warn(f"{samples.path}: {late}")
+        answer.warn(f"{samples.path}: {late}")
+    if recorded.notes:
+        answer.note(f"{samples.path}: {'; '.join(recorded.notes)}")
+    answer.facts(notes=recorded.notes)
     return recorded.log, recorded
-
-
-def print_notes(console: Console, recorded: Recorded) -> None:
-    """What was inferred in reading, in one line."""
-    notes = "; ".join(recorded.notes)
-    if notes:
-        words = one_line(f"{recorded.log.path}: {notes}")
-        console.print(words, markup=False, highlight=False, soft_wrap=True)
 
 
 def late_words(history: History, names: Names) -> str:

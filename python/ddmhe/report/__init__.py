@@ -5,11 +5,12 @@ Figures are drawn by `ddmhe.report.figures`, which is not imported here: matplot
 load than an estimator to build."""
 
 from ddmhe.report.measures import nrmse, pooled_nrmse, rmse, rmse_norm, root_mean_square
-from ddmhe.report.page import markdown
+from ddmhe.report.page import cells, markdown
 from ddmhe.report.saving import save_figure, write_estimates
 from ddmhe.report.tables import design, observer_design, outcome, promise, scores, settings, table
 
 __all__ = [
+    "cells",
     "design",
     "markdown",
     "nrmse",

@@ -3,20 +3,30 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from typing import Any
 
 from rich.table import Table
 
-__all__ = ["markdown", "markdown_table"]
+__all__ = ["cells", "markdown", "markdown_table"]
 
 
 def markdown(title: str, tables: Sequence[Table]) -> str:
     """Tables as they are printed, as one Markdown page."""
     lines = [f"# {title}", ""]
     for table in tables:
-        header = [str(column.header) for column in table.columns]
-        rows = zip(*(map(str, column.cells) for column in table.columns), strict=True)
-        lines += [f"{table.title}", "", *markdown_table(header, rows), ""]
+        of = cells(table)
+        lines += [of["title"], "", *markdown_table(of["columns"], of["rows"]), ""]
     return "\n".join(lines)
+
+
+def cells(table: Table) -> dict[str, Any]:
+    """A table's "title", "columns" and "rows" as texts."""
+    rows = zip(*(map(str, column.cells) for column in table.columns), strict=True)
+    return {
+        "title": str(table.title),
+        "columns": [str(column.header) for column in table.columns],
+        "rows": [list(row) for row in rows],
+    }
 
 
 def markdown_table(header: Sequence[str], rows: Iterable[Sequence[str]]) -> list[str]:

@@ -14,7 +14,17 @@ from ddmhe.reasons import Reason
 
 Array = NDArray[np.float64]
 
-__all__ = ["BAND", "BAR", "DOUBTS", "ESTIMATE", "TRUTH", "caption", "color_of", "shade"]
+__all__ = [
+    "BAND",
+    "BAR",
+    "DOUBTS",
+    "ESTIMATE",
+    "TRUTH",
+    "caption",
+    "color_of",
+    "legend_above",
+    "shade",
+]
 
 
 TRUTH: dict[str, Any] = {"linewidth": 3.5, "alpha": 0.35}
@@ -48,3 +58,9 @@ def color_of(i: int) -> tuple[float, float, float, float]:
 def shade(axes: Axes, t: Array) -> None:
     """Shade the time of the recording t (K,), s."""
     axes.axvspan(t[0], t[-1], color="0.9", zorder=0)
+
+
+def legend_above(axes: Axes, **style: Any) -> None:
+    """The legend above the axes, where it covers no data."""
+    looks: dict[str, Any] = {"fontsize": "small", "ncols": 3, "frameon": False} | style
+    axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), borderaxespad=0.3, **looks)

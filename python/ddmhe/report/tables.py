@@ -11,7 +11,7 @@ from rich.table import Table
 from rich.text import Text
 
 from ddmhe._core import DdMhe, History
-from ddmhe.checks import one_line
+from ddmhe.checks import one_line, times
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -50,10 +50,12 @@ def table(title: str, columns: Mapping[str, Mapping[str, str]]) -> Table:
     """A table with one row per label and one column per mapping; an empty name makes a column
     without heading."""
     names = list(columns)
-    result = Table("", *names, title=_title(title), title_justify="left", show_header=any(names))
+    made = Table("", *names, title=_title(title), title_justify="left", show_header=any(names))
+    result = _folding(made)
     labels = list(dict.fromkeys(label for column in columns.values() for label in column))
     for label in labels:
-        result.add_row(_plain(label), *(columns[name].get(label, "") for name in names))
+        texts = (columns[name].get(label, "") for name in names)
+        result.add_row(_plain(label), *map(_plain, texts))
     return result
 
 
@@ -117,20 +119,12 @@ def observer_design(design: ObserverDesign) -> dict[str, str]:
 
 
 def scores(title: str, best: pd.DataFrame) -> Table:
-    """The rows of a tuning's table, short: errors on held-out quarters, relative to the spread of
-    the states."""
-    result = Table(
-        "M",
-        "mu",
-        "space",
-        "rest",
-        "error",
-        "in the quarters",
-        "radius",
-        title=_title(title),
-        title_justify="left",
-    )
-    for row in best.to_dict("records"):
+    """The rows of a tuning's table, short. "ranked by" is the error, relative to the spread of the
+    states, smoothed over neighbouring weights and, where there are rehearsals, mostly theirs;
+    "error" is that on held-out quarters. The chosen setting stands first."""
+    heads = ("", "M", "mu", "space", "rest", "ranked by", "error", "in the quarters", "radius")
+    result = _folding(Table(*heads, title=_title(title), title_justify="left"))
+    for place, row in enumerate(best.to_dict("records")):
         weight = row["lambda/mu"]
         space = row["space"] if np.isnan(weight) else f"ridge {weight:.0e} mu"
         if row["weights"] == "recorded":
@@ -138,28 +132,38 @@ def scores(title: str, best: pd.DataFrame) -> Table:
         if row["disturbance"] not in ("none", "recorded" if row["weights"] == "recorded" else ""):
             space += f", w {row['disturbance']}"
         quarters = " ".join(f"{row[key]:.1e}" for key in row if str(key).startswith("quarter"))
-        cells = [
+        marks = ["chosen"] * (place == 0) + ["default"] * bool(row["default"])
+        result.add_row(
+            ", ".join(marks),
             str(row["horizon"]),
             "" if np.isnan(row["mu"]) else f"{row['mu']:.2g}",
             space,
             "yes" if row["equilibrium"] else "no",
-        ]
-        result.add_row(
-            *cells, f"{np.exp(row['score']):.2e}", quarters, f"{row['spectral radius']:.3f}"
+            f"{np.exp(row['rated']):.2e}" if np.isfinite(row["rated"]) else "unstable",
+            f"{np.exp(row['score']):.2e}",
+            quarters,
+            f"{row['spectral radius']:.3f}",
         )
     return result
+
+
+def _folding(table: Table) -> Table:
+    """Cells that are too wide for the terminal go on on the next line: nothing is cut."""
+    for column in table.columns:
+        column.overflow = "fold"
+    return table
 
 
 def promise(title: str, tuning: Tuning, names: Sequence[str]) -> Table:
     """What a tuning promises of each state, in its unit, and whether it is better than the default
     rule there."""
     heads = ("state", "rms error", "range", "against the default rule")
-    result = Table(*heads, title=_title(title), title_justify="left")
+    result = _folding(Table(*heads, title=_title(title), title_justify="left"))
     kept = not tuning.settings
     for name, error, low, high, ratio in zip(
         names, tuning.promise, *tuning.range, tuning.ratio, strict=True
     ):
-        against = "cannot tell" if kept or np.isnan(ratio) else f"{ratio:.2g} times its error"
+        against = "cannot tell" if kept or np.isnan(ratio) else times(ratio, "its error")
         known = "unknown" if np.isnan(error) else f"{error:.3g}"
         result.add_row(
             _plain(name),

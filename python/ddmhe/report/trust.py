@@ -77,18 +77,22 @@ class Trust:
             columns[name] = values
         return columns
 
-    def within(self, error: Array) -> dict[str, str]:
-        """The share of the known errors (N, n) that are within `BARS` deviations, of all of them
-        and of those of trusted estimates, as label and text."""
+    def shares(self, error: Array) -> list[tuple[str, float, int]]:
+        """Of the known errors (N, n), "all" and those of "trusted" estimates: the share that is
+        within `BARS` deviations, and how many there are."""
         known = np.isfinite(error)
         inside = np.abs(error) <= BARS * self.std
-        trusted = known & self.trusted[:, None]
-        asked = {f"errors within {BARS:g} sd": known, "... while trusted": trusted}
-        return {
-            label: f"{np.mean(inside[rows]):.1%} of {np.sum(rows)}"
-            for label, rows in asked.items()
+        asked = {"all": known, "trusted": known & self.trusted[:, None]}
+        return [
+            (of, float(np.mean(inside[rows])), int(np.sum(rows)))
+            for of, rows in asked.items()
             if rows.any()
-        }
+        ]
+
+    def within(self, error: Array) -> dict[str, str]:
+        """The same as label and text."""
+        labels = {"all": f"errors within {BARS:g} sd", "trusted": "... while trusted"}
+        return {labels[of]: f"{share:.1%} of {count}" for of, share, count in self.shares(error)}
 
     def words(self, promise: Array | None) -> str:
         """One line: the share that is trusted, and where the bars come from; `promise` (n,) that of

@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from ddmhe.report.style import ESTIMATE, TRUTH, shade
+from ddmhe.report.style import ESTIMATE, TRUTH, legend_above, shade
 from ddmhe.reproduce.montecarlo import Trial, Trials
 from ddmhe.reproduce.tol import DRAWN
 
@@ -141,6 +141,6 @@ def parameter_figure(
         if history is not None:
             shade(axes, history[0])
         axes.set_ylabel(f"{name}\n{quantity}")
-        axes.legend(loc="upper right", fontsize="x-small", ncols=2)
+        legend_above(axes, fontsize="x-small")
     figure.axes[-1].set_xlabel("time (s)")
     return figure

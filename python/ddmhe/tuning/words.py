@@ -7,6 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from ddmhe.checks import times
 from ddmhe.tuning.candidates import Candidate
 from ddmhe.tuning.folds import Recorded
 from ddmhe.tuning.promise import Promise
@@ -74,7 +75,7 @@ def _in_question(default: Candidate, rule: Candidate) -> list[str]:
     return [
         f"{taken} It was left: the stated noise of the outputs is not that of the recording. A "
         f"process_noise smaller by {rule.stated:.3g} gives its filter the stated noise, and "
-        f"{gain:.2g} times its error in the quarters."
+        f"{times(gain, 'its error')} in the quarters."
     ]
 
 
@@ -93,10 +94,15 @@ def _decision(verdict: Verdict, rules: tuple[Candidate, Candidate], others: int)
     mean, low, high = (
         math.exp(min(v, LARGEST_LOG)) for v in (judges.mean(), judges.min(), judges.max())
     )
-    whose = "the default rule's" if rule is default else "its"
+    whose = "the default rule's error" if rule is default else "its error"
+    if (judges == 0.0).all():
+        return (
+            f"{name_of_rule} is kept, the recording cannot tell that another setting is better: it "
+            f"has the least error of {others + 1} settings, whichever of the {name} is left out."
+        )
     seen = (
-        f"of {others} other settings the best by all other parts has {mean:.2g} times {whose} "
-        f"error in the {name} left out, from {low:.2g} to {high:.2g}"
+        f"of {others} other settings the best by all other parts has {times(mean, whose)} "
+        f"in the {name} left out, from {low:.2g} to {high:.2g} of it"
     )
     if moved:
         return f"{name_of_rule} was left: {seen}; the ends of the recording show the same."

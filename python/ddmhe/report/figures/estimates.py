@@ -13,7 +13,7 @@ from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
 from ddmhe.reasons import Reason
-from ddmhe.report.style import BAND, BAR, DOUBTS, ESTIMATE, TRUTH, color_of, shade
+from ddmhe.report.style import BAND, BAR, DOUBTS, ESTIMATE, TRUTH, color_of, legend_above, shade
 from ddmhe.report.trust import BARS, Trust
 
 Array = NDArray[np.float64]
@@ -150,7 +150,7 @@ def _draw_errors(
     axes.grid(alpha=0.3)
     if bars:
         handles.append(Line2D([], [], color="0.2", label=f"{BARS:g} sd", **BAR))
-    axes.legend(handles=handles, loc="lower right", ncols=min(4, len(handles)), fontsize="small")
+    legend_above(axes, handles=handles, ncols=min(4, len(handles)))
 
 
 def _limit(axes: Axes, known: Array, x_hat: Array) -> None:
@@ -194,5 +194,5 @@ def outputs_figure(t: Array, y: Array, names: Sequence[str], quantity: str) -> F
         axes.plot(t, y[:, i], color=color_of(i), label=name, linewidth=0.9)
     axes.set(xlabel="time (s)", ylabel=quantity)
     axes.grid(alpha=0.3)
-    axes.legend()
+    legend_above(axes)
     return figure

@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from ddmhe.report.style import ESTIMATE, color_of
+from ddmhe.report.style import ESTIMATE, color_of, legend_above
 
 Array = NDArray[np.float64]
 
@@ -50,7 +50,7 @@ def intervals_figure(
         axes.set_ylim(known.min() - room, known.max() + room)
         axes.set_ylabel(names[i])
         axes.grid(alpha=0.3)
-    figure.axes[0].legend(fontsize="small", ncols=3, loc="upper right")
+    legend_above(figure.axes[0])
     figure.axes[-1].set_xlabel("time (s)")
     return figure
 
@@ -72,6 +72,6 @@ def widths_figure(
             )
         axes.set(yscale="log", ylabel=f"full width of the bounds of {names[i]}")
         axes.grid(alpha=0.3)
-    figure.axes[0].legend(fontsize="x-small", ncols=3, loc="upper right")
+    legend_above(figure.axes[0], fontsize="x-small")
     figure.axes[-1].set_xlabel("time (s)")
     return figure

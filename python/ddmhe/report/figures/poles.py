@@ -8,6 +8,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from ddmhe.report.style import legend_above
+
 if TYPE_CHECKING:
     from ddmhe.design import AffineModel, PolePlacement
     from ddmhe.design.regions import Region
@@ -42,7 +44,7 @@ def pole_figure(model: AffineModel, placement: PolePlacement) -> Figure:
     )
     axes.set_aspect("equal")
     axes.grid(alpha=0.3)
-    axes.legend(loc="upper left", fontsize="small")
+    legend_above(axes, ncols=2)
     return figure
 
 

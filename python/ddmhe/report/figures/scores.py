@@ -39,7 +39,7 @@ def tuning_figure(table: pd.DataFrame) -> Figure:
         if len(options) > 1:
             axes.set_title("with the known rest" if option else "recording alone")
         axes.grid(alpha=0.3)
-        axes.legend(fontsize="x-small")
+        axes.legend(fontsize="x-small", loc="upper left", bbox_to_anchor=(1.0, 1.0))
     panels[0].set_ylabel("held-out error / spread of the states")
     return figure
 

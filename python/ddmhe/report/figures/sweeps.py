@@ -9,7 +9,7 @@ from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from ddmhe.report.style import color_of
+from ddmhe.report.style import color_of, legend_above
 
 Array = NDArray[np.float64]
 
@@ -41,7 +41,7 @@ def sweep_figure(
         axes.axvline(chosen, color="0.5", linestyle=":", label="the paper's value")
     axes.set(xscale="log", yscale="log", xlabel=parameter, ylabel=quantity)
     axes.grid(alpha=0.3)
-    axes.legend()
+    legend_above(axes)
     return figure
 
 

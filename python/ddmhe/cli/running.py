@@ -1,0 +1,60 @@
+"""A run over a log in pieces: the same numbers, with word on how far it is."""
+
+from __future__ import annotations
+
+import time
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ddmhe._core import DdMhe, Log
+from ddmhe.cli.answer import Answer
+
+Array = NDArray[np.float64]
+
+__all__ = ["run"]
+
+FIRST = 4096
+"""Steps of the first piece."""
+PIECE = 0.2
+"""Seconds that a piece is to take."""
+
+
+def run(answer: Answer, est: DdMhe, Y: Array, U: Array | None) -> Log:
+    """The estimates of outputs Y (N, p) and inputs U (N, m); after an interrupt those made by then,
+    and a KeyboardInterrupt where there is none."""
+    logs: list[Log] = []
+    with answer.working("estimating") as advance:
+        done, rows = 0, FIRST
+        while done < len(Y) or not logs:
+            advance(done, len(Y))
+            piece = slice(done, done + rows)
+            begin = time.perf_counter()
+            try:
+                logs.append(est.run(Y[piece], None if U is None else U[piece]))
+            except KeyboardInterrupt as e:
+                logs.append(e.finished)  # type: ignore[attr-defined]
+                break
+            done += len(logs[-1].x)
+            rows = max(int(rows * PIECE / max(time.perf_counter() - begin, 1e-6)), 1)
+    log = logs[0] if len(logs) == 1 else _joined(logs)
+    if len(Y) > 0 and len(log.x) == 0:
+        raise KeyboardInterrupt
+    return log
+
+
+def _joined(parts: list[Any]) -> Any:
+    """Objects that are made of columns, one behind the other."""
+    make = parts[0].__reduce__()[0]
+    columns = zip(*(part.__reduce__()[1] for part in parts), strict=True)
+    return make(*(_column(list(column)) for column in columns))
+
+
+def _column(parts: list[Any]) -> Any:
+    first = parts[0]
+    if first is None or isinstance(first, str):
+        return first
+    if isinstance(first, tuple):
+        return tuple(_column(list(column)) for column in zip(*parts, strict=True))
+    return np.concatenate(parts) if isinstance(first, np.ndarray) else _joined(parts)
