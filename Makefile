@@ -5,7 +5,7 @@
 .PHONY: help setup packages demo test test-long fuzz audit lint bench bench-latency bench-peers \
 	instructions wheel test-wheel study-defaults study-certificates study-tuning study-promise \
 	study-sensitivity study-reproduction study-intervals study-estimators study-disturbance \
-	study-stated-noise study-evidence study-faults study-inputs clean
+	study-stated-noise study-evidence study-faults study-inputs study-lifted clean
 
 PY := .venv/bin/python
 # The build belongs to .venv, whatever environment the shell is in.
@@ -133,6 +133,9 @@ study-evidence: setup ## how often errors lie within the stated bars; docs/measu
 
 study-faults: setup ## which faults of outputs are seen, when; docs/measured/evidence.md
 	OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 $(PY) studies/faults.py
+
+study-lifted: setup ## the polynomial model beside the affine one; docs/lifted.md
+	OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 $(PY) studies/lifted.py
 
 study-reproduction: setup ## every experiment of both papers; docs/claims.md and its tables
 	$(PY) -m ddmhe reproduce all --out ddmhe-reproduce

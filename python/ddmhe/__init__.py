@@ -43,6 +43,7 @@ from ddmhe.reasons import Reason
 
 if TYPE_CHECKING:
     from ddmhe import baselines, design, interval, recordings, report
+    from ddmhe.lifted import LiftedMhe
     from ddmhe.tuning import Tuning, tune
 
 __version__ = _version("ddmhe")
@@ -53,6 +54,7 @@ _MODULES = ("baselines", "design", "interval", "recordings", "report")
 _LAZY = {name: f"ddmhe.{name}" for name in _MODULES} | {
     "tune": "ddmhe.tuning",
     "Tuning": "ddmhe.tuning",
+    "LiftedMhe": "ddmhe.lifted",
 }
 
 
@@ -74,6 +76,7 @@ __all__ = [
     "Exact",
     "History",
     "InfeasibleError",
+    "LiftedMhe",
     "Log",
     "ModelViolationError",
     "NotFiniteError",

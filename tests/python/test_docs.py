@@ -39,6 +39,16 @@ def test_a_log_is_read_as_the_docs_have_it(capsys, tmp_path, monkeypatch):
     assert "time column 'time_ms' in ms" in printed
 
 
+def test_a_polynomial_is_used_as_the_docs_have_it():
+    text = (ROOT / "docs" / "lifted.md").read_text(encoding="utf-8")
+    (block,) = re.findall(r"```python\n(.*?)```", text, re.DOTALL)
+    names = {}
+    exec(compile(block, "lifted.md", "exec"), names)
+    assert names["estimator"].chosen
+    assert names["estimate"].status == "lifted"
+    assert names["affine"].status == "optimal"
+
+
 def test_the_paper_in_one_call_as_the_docs_have_it(capsys):
     text = (ROOT / "docs" / "design.md").read_text(encoding="utf-8")
     blocks = re.findall(r"```python\n(.*?)```", text, re.DOTALL)
