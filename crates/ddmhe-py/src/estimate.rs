@@ -2,12 +2,13 @@
 
 use crate::convert::{DdmheError, array1, array2, raise};
 use crate::evidence::{self, Evidence};
+use crate::frames::{self, Clock};
 use crate::pickle::{Made, bytes, made};
 use ddmhe_core::snapshot::{Kind, from_bytes, to_bytes};
 use numpy::{PyArray1, PyArray2};
 use pyo3::prelude::*;
 use pyo3::sync::PyOnceLock;
-use pyo3::types::PyType;
+use pyo3::types::{PyIterator, PyType};
 
 /// The estimate of one step, with its evidence. Arrays are made when they are first asked for.
 #[pyclass(module = "ddmhe", frozen, name = "Estimate")]
@@ -15,6 +16,7 @@ pub struct Estimate {
     core: ddmhe_core::Estimate,
     n: usize,
     p: usize,
+    clock: Clock,
     x: PyOnceLock<Py<PyArray1<f64>>>,
     window: PyOnceLock<Py<PyArray2<f64>>>,
     v: PyOnceLock<Py<PyArray2<f64>>>,
@@ -22,29 +24,31 @@ pub struct Estimate {
 }
 
 impl Estimate {
-    pub fn new(core: &ddmhe_core::Estimate, n: usize, p: usize) -> Self {
+    pub fn new(core: &ddmhe_core::Estimate, n: usize, p: usize, clock: Clock) -> Self {
         let (x, window) = (PyOnceLock::new(), PyOnceLock::new());
         let (v, w) = (PyOnceLock::new(), PyOnceLock::new());
-        Estimate { core: core.clone(), n, p, x, window, v, w }
+        Estimate { core: core.clone(), n, p, clock, x, window, v, w }
     }
 }
 
 #[pymethods]
 impl Estimate {
     fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Made<'py>> {
-        made::<Self>(py, "_restore", &to_bytes(Kind::Estimate, &(self.n, self.p, &self.core)))
+        let Clock { before, dt } = self.clock;
+        let parts = (self.n, self.p, before, dt, &self.core);
+        made::<Self>(py, "_restore", &to_bytes(Kind::Estimate, &parts))
     }
 
     #[classmethod]
     fn _restore(_cls: &Bound<'_, PyType>, blob: &Bound<'_, PyAny>) -> PyResult<Self> {
-        let (n, p, core): (usize, usize, ddmhe_core::Estimate) =
+        let (n, p, before, dt, core): (usize, usize, usize, f64, ddmhe_core::Estimate) =
             from_bytes(Kind::Estimate, bytes(blob)?).map_err(raise)?;
         if n == 0 || p == 0 || !core.fits(n, p) {
             return Err(DdmheError::new_err(
                 "blob: expected a saved estimate, found one of other sizes",
             ));
         }
-        Ok(Estimate::new(&core, n, p))
+        Ok(Estimate::new(&core, n, p, Clock { before, dt }))
     }
 
     /// Estimated state (n,), from outputs up to y(t-1).
@@ -144,6 +148,63 @@ impl Estimate {
     #[getter]
     fn evidence(&self) -> Option<Evidence> {
         self.core.evidence.as_ref().map(Evidence::new)
+    }
+
+    /// Times (M_t+1,) of the window, s since the run began; x is the state at t[-1].
+    #[getter]
+    fn t<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        let states = self.core.window.len() / self.n;
+        let first = self.clock.before as f64 + 2.0 - states as f64;
+        let times = (0..states).map(|k| (first + k as f64) * self.clock.dt).collect();
+        PyArray1::from_vec(py, times)
+    }
+
+    /// Number of states of the window, M_t + 1.
+    fn __len__(&self) -> usize {
+        self.core.window.len() / self.n
+    }
+
+    /// The states (n,) of the window, oldest first.
+    fn __iter__<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyIterator>> {
+        self.window(py)?.into_bound(py).try_iter()
+    }
+
+    /// Whether all numbers are the same.
+    fn __eq__(&self, other: &Bound<'_, PyAny>) -> bool {
+        let same = |other: &Estimate| {
+            let own = (self.n, self.p, self.clock) == (other.n, other.p, other.clock);
+            let blob = |one: &Self| to_bytes(Kind::Estimate, &one.core);
+            own && blob(self) == blob(other)
+        };
+        other.cast::<Estimate>().is_ok_and(|other| same(other.get()))
+    }
+
+    /// The window as a frame of pandas, with t as its index: states, called by `names` (else x0,
+    /// x1, …).
+    #[pyo3(signature = (names=None))]
+    fn to_pandas<'py>(
+        slf: &Bound<'py, Self>,
+        names: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        frames::made("window_to_pandas", slf.as_any(), names)
+    }
+
+    /// The same as a frame of polars, with t as its first column.
+    #[pyo3(signature = (names=None))]
+    fn to_polars<'py>(
+        slf: &Bound<'py, Self>,
+        names: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        frames::made("window_to_polars", slf.as_any(), names)
+    }
+
+    /// The same as a Dataset of xarray over t and state.
+    #[pyo3(signature = (names=None))]
+    fn to_xarray<'py>(
+        slf: &Bound<'py, Self>,
+        names: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        frames::made("window_to_xarray", slf.as_any(), names)
     }
 
     fn __repr__(&self, py: Python<'_>) -> String {

@@ -143,6 +143,34 @@ impl History {
         made::<Self>(py, "from_bytes", &self.core.to_bytes())
     }
 
+    /// Write the recordings to a file that other programs read, too: .npz with the arrays x, y and
+    /// u, one recording behind the other, the samples of each, dt and units; see load.
+    fn save(slf: &Bound<'_, Self>, path: &Bound<'_, PyAny>) -> PyResult<()> {
+        let file = slf.py().import("ddmhe.history_file")?;
+        file.call_method1("save", (slf, path)).map(|_| ())
+    }
+
+    /// The History that save wrote; DdmheError for another file.
+    #[classmethod]
+    fn load<'py>(
+        cls: &Bound<'py, PyType>,
+        path: &Bound<'py, PyAny>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        cls.py().import("ddmhe.history_file")?.call_method1("load", (path,))
+    }
+
+    /// Whether recordings, interval and units are the same.
+    fn __eq__(&self, other: &Bound<'_, PyAny>) -> bool {
+        other.cast::<History>().is_ok_and(|other| other.get().core == self.core)
+    }
+
+    /// Of the numbers: what is equal has the same.
+    fn __hash__(&self) -> u64 {
+        let mut hasher = std::hash::DefaultHasher::new();
+        std::hash::Hash::hash(&self.core.to_bytes(), &mut hasher);
+        std::hash::Hasher::finish(&hasher)
+    }
+
     fn __copy__(slf: Bound<'_, Self>) -> Bound<'_, Self> {
         slf // it never changes
     }

@@ -5,6 +5,7 @@ mod convert;
 mod estimate;
 mod evidence;
 mod exclusive;
+mod frames;
 mod history;
 mod in_force;
 mod interval;

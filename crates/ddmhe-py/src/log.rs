@@ -2,6 +2,7 @@
 
 use crate::convert::{DdmheError, array2};
 use crate::evidence::{EvidenceLog, diagonal};
+use crate::frames::{self, Clock};
 use ddmhe_core::{Reasons, Status};
 use numpy::{PyArray1, PyArray2, PyArray3, PyArrayMethods};
 use pyo3::prelude::*;
@@ -32,6 +33,7 @@ pub struct Log {
     /// How far to trust the estimates, an EvidenceLog; None where no evidence was asked for.
     #[pyo3(get)]
     evidence: Option<Py<EvidenceLog>>,
+    clock: Clock,
 }
 
 /// What `Log._of` takes.
@@ -43,6 +45,7 @@ type Columns<'py> = (
     Bound<'py, PyArray1<i64>>,
     Bound<'py, PyArray1<i64>>,
     Option<Bound<'py, EvidenceLog>>,
+    (usize, f64),
 );
 
 #[pymethods]
@@ -53,7 +56,8 @@ impl Log {
         let bound = self.bound.as_ref().map(|bound| bound.bind(py).clone());
         let status = self.status(py)?.into_bound(py);
         let evidence = self.evidence.as_ref().map(|evidence| evidence.bind(py).clone());
-        let columns = (x, cost, bound, status, active, iterations, evidence);
+        let clock = (self.clock.before, self.clock.dt);
+        let columns = (x, cost, bound, status, active, iterations, evidence, clock);
         Ok((py.get_type::<Self>().getattr("_of")?, columns))
     }
 
@@ -61,7 +65,7 @@ impl Log {
     #[classmethod]
     #[pyo3(signature = (*columns))]
     fn _of(_cls: &Bound<'_, PyType>, columns: &Bound<'_, PyTuple>) -> PyResult<Self> {
-        let (x, cost, bound, status, active, iterations, evidence): Columns<'_> = columns
+        let (x, cost, bound, status, active, iterations, evidence, clock): Columns<'_> = columns
             .extract()
             .map_err(|_| DdmheError::new_err("columns: expected those of a Log, found others"))?;
         let words = PyOnceLock::new();
@@ -75,6 +79,7 @@ impl Log {
             active: active.unbind(),
             iterations: iterations.unbind(),
             evidence: evidence.map(Bound::unbind),
+            clock: Clock { before: clock.0, dt: clock.1 },
         })
     }
 
@@ -117,6 +122,74 @@ impl Log {
         };
         Ok(self.status.get_or_try_init(py, made)?.clone_ref(py))
     }
+
+    /// Times (N,) of the estimates, s since the run began: x[k] is the state at t[k].
+    #[getter]
+    fn t<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        let Clock { before, dt } = self.clock;
+        let steps = 1..=self.x.bind(py).readonly().as_array().shape()[0];
+        PyArray1::from_vec(py, steps.map(|k| (before + k) as f64 * dt).collect())
+    }
+
+    /// Number of steps N.
+    fn __len__(&self, py: Python<'_>) -> usize {
+        self.x.bind(py).readonly().as_array().shape()[0]
+    }
+
+    /// Step k as a Row (t, x, std, status, trusted, reasons, cost), or the Log of a slice of steps
+    /// that follow one another.
+    fn __getitem__<'py>(
+        slf: &Bound<'py, Self>,
+        key: &Bound<'py, PyAny>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        frames::made("item", slf.as_any(), Some(key))
+    }
+
+    /// The rows, step by step.
+    fn __iter__<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyAny>> {
+        frames::made("rows", slf.as_any(), None)
+    }
+
+    /// Whether all numbers are the same; NaN is like NaN.
+    fn __eq__<'py>(
+        slf: &Bound<'py, Self>,
+        other: &Bound<'py, PyAny>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        frames::made("same", slf.as_any(), Some(other))
+    }
+
+    /// A frame of pandas, a row a step, with t as its index: states, called by `names` (else x0,
+    /// x1, …), their standard deviations, trusted, reasons in words, status, cost, and the error's
+    /// bound where there is one.
+    #[pyo3(signature = (names=None))]
+    fn to_pandas<'py>(
+        slf: &Bound<'py, Self>,
+        names: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        frames::made("to_pandas", slf.as_any(), names)
+    }
+
+    /// The same as a frame of polars, with t as its first column.
+    #[pyo3(signature = (names=None))]
+    fn to_polars<'py>(
+        slf: &Bound<'py, Self>,
+        names: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        frames::made("to_polars", slf.as_any(), names)
+    }
+
+    /// All of it as a Dataset of xarray over t and state.
+    #[pyo3(signature = (names=None))]
+    fn to_xarray<'py>(
+        slf: &Bound<'py, Self>,
+        names: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        frames::made("to_xarray", slf.as_any(), names)
+    }
+
+    fn __repr__<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyAny>> {
+        frames::made("words", slf.as_any(), None)
+    }
 }
 
 impl Log {
@@ -127,6 +200,7 @@ impl Log {
         (n, p): (usize, usize),
         bounded: bool,
         x: Option<Bound<'_, PyArray2<f64>>>,
+        clock: Clock,
     ) -> PyResult<Self> {
         let evidence = log.evidence.map(|of| Py::new(py, EvidenceLog::new(py, of, n, p)?));
         let whole = |values: Vec<i64>| PyArray1::from_vec(py, values).unbind();
@@ -139,6 +213,7 @@ impl Log {
             active: whole(log.active.into_iter().map(|a| a as i64).collect()),
             iterations: whole(log.iterations.into_iter().map(i64::from).collect()),
             evidence: evidence.transpose()?,
+            clock,
         })
     }
 }

@@ -1,6 +1,7 @@
 //! `ddmhe.run_many`.
 
 use crate::convert::{DdmheError, Numbers, ShapeError, raise};
+use crate::frames::Clock;
 use crate::history::History;
 use crate::log::Log;
 use crate::mhe::{DdMhe, inputs};
@@ -75,7 +76,7 @@ fn run_copies(py: Python<'_>, one: &DdMhe, logs: &Given<'_>) -> PyResult<Vec<Log
     let found = py
         .detach(|| ddmhe_core::run_copies(core, &slices, &mut |_| signals.raised()))
         .map_err(raise)?;
-    let sizes = vec![((core.n(), core.p()), core.is_bounded()); found.len()];
+    let sizes = vec![((core.n(), core.p()), core.is_bounded(), Clock::of(core)); found.len()];
     logged(py, found, sizes, signals)
 }
 
@@ -96,7 +97,8 @@ fn run_recordings(
             ddmhe_core::run_recordings(&histories, &config, &slices, &mut |_| signals.raised())
         })
         .map_err(raise)?;
-    let sizes = histories.iter().map(|history| ((history.n(), history.p()), false)).collect();
+    let clock = |history: &&ddmhe_core::History| Clock { before: 0, dt: history.dt() };
+    let sizes = histories.iter().map(|h| ((h.n(), h.p()), false, clock(h))).collect();
     logged(py, found, sizes, signals)
 }
 
@@ -117,7 +119,8 @@ fn run_each(
         borrowed.push(estimator.get().core().map_err(|_| in_use(k))?);
     }
     let data = logs.numbers(|k| (borrowed[k].p(), borrowed[k].history().m()))?;
-    let sizes: Vec<Sizes> = borrowed.iter().map(|e| ((e.n(), e.p()), e.is_bounded())).collect();
+    let sizes: Vec<Sizes> =
+        borrowed.iter().map(|e| ((e.n(), e.p()), e.is_bounded(), Clock::of(e))).collect();
     let mut cores: Vec<&mut ddmhe_core::DdMhe> = borrowed.iter_mut().map(|e| &mut **e).collect();
     let slices = borrowed_logs(&data);
     let mut signals = Signals::default();
@@ -127,8 +130,8 @@ fn run_each(
     logged(py, found, sizes, signals)
 }
 
-/// (n, p), and whether there are error bounds.
-type Sizes = ((usize, usize), bool);
+/// (n, p), whether there are error bounds, and when the run begins.
+type Sizes = ((usize, usize), bool, Clock);
 
 /// Logs of these sizes, or what ended the work, with those that there are.
 fn logged(
@@ -140,7 +143,7 @@ fn logged(
     let logs: Vec<Log> = found
         .into_iter()
         .zip(sizes)
-        .map(|(log, (channels, bounded))| Log::new(py, log, channels, bounded, None))
+        .map(|(log, (channels, bounded, clock))| Log::new(py, log, channels, bounded, None, clock))
         .collect::<PyResult<_>>()?;
     signals.outcome(py, logs, "the run was stopped")
 }

@@ -3,6 +3,7 @@
 use crate::convert::{Numbers, ShapeError, array1, bounds, raise, writable};
 use crate::estimate::Estimate;
 use crate::exclusive::Exclusive;
+use crate::frames::Clock;
 use crate::history::History;
 use crate::in_force::{self, InForce};
 use crate::log::Log;
@@ -46,7 +47,8 @@ use std::sync::MutexGuard;
 /// warm_start : bool, optional
 ///     The old name: True is start="recording" (beside x_prior, which then counts: "state"), False
 ///     is start="state".
-/// space : "auto" | Exact() | Truncated(rank, tol) | Ridge(weight)
+/// space : "auto" | "exact" | Exact() | "truncated:RANK" | Truncated(rank, tol) | "ridge:WEIGHT" |
+///         Ridge(weight)
 ///     Which windows count as trajectories of the system.
 /// certificate : ddmhe.design.Certificate, optional
 ///     Weights 2 eta**M P and eta**(j-1) R in the place of rho and mu; the horizon must satisfy 4
@@ -196,10 +198,11 @@ impl DdMhe {
             None => Vec::new(),
         };
         let step = Step { y, u: &u, x_bounds: limits.as_ref() };
+        let clock = Clock::of(&core);
         let estimate = core.step_with(step).map_err(raise)?;
         drop(array);
         let Some(out) = out else {
-            return Ok(Bound::new(py, Estimate::new(estimate, n, p))?.into_any());
+            return Ok(Bound::new(py, Estimate::new(estimate, n, p, clock))?.into_any());
         };
         writable::<Ix1>("out", out, &[n])?.as_slice_mut()?.copy_from_slice(&estimate.x);
         Ok(out.clone())
@@ -230,7 +233,8 @@ impl DdMhe {
     fn estimate(&self) -> PyResult<Option<Estimate>> {
         let core = self.core()?;
         let estimate = core.estimate();
-        Ok((!estimate.x.is_empty()).then(|| Estimate::new(estimate, core.n(), core.p())))
+        Ok((!estimate.x.is_empty())
+            .then(|| Estimate::new(estimate, core.n(), core.p(), Clock::behind(&core))))
     }
 
     /// Estimate over a whole log Y (N, p), with the GIL released: the same numbers as N calls of
@@ -260,6 +264,7 @@ impl DdMhe {
         }
         let inputs = inputs("U", U, (rows, core.history().m()))?;
         let room = out.map(|out| writable::<Ix2>("out", out, &[rows, n])).transpose()?;
+        let clock = Clock::of(core);
         let mut signals = Signals::default();
         let log = ddmhe_core::Signals { y: &data, u: &inputs };
         let log = py.detach(|| core.run_until(log, &mut || signals.raised())).map_err(raise)?;
@@ -277,7 +282,7 @@ impl DdMhe {
             }
             _ => None,
         };
-        let log = Log::new(py, log, (n, p), core.is_bounded(), x)?;
+        let log = Log::new(py, log, (n, p), core.is_bounded(), x, clock)?;
         signals.outcome(py, log, &format!("{made} of {rows} steps were made"))
     }
 

@@ -122,13 +122,32 @@ pub fn space(value: &Bound<'_, PyAny>) -> PyResult<Space> {
     if let Ok(r) = value.cast::<Ridge>() {
         return Ok(Space::Ridge { weight: r.get().weight, normalised: r.get().normalised });
     }
-    if value.extract::<String>().is_ok_and(|s| s == "auto") {
-        return Ok(Space::Auto);
+    if let Some(named) = value.extract::<String>().ok().and_then(|text| named(&text)) {
+        return Ok(named);
     }
     let found = shown(value);
     Err(DdmheError::new_err(format!(
-        "space: expected \"auto\", Exact(), Truncated(...) or Ridge(weight), found {found}"
+        "space: expected \"auto\", \"exact\", \"truncated:RANK\", \"ridge:WEIGHT\", Exact(), \
+         Truncated(...) or Ridge(weight), found {found}"
     )))
+}
+
+/// The space that a text names, as on the command line.
+fn named(text: &str) -> Option<Space> {
+    match text.split_once(':') {
+        None => match text {
+            "auto" => Some(Space::Auto),
+            "exact" => Some(Space::Exact),
+            _ => None,
+        },
+        Some(("truncated", rank)) => {
+            Some(Space::Truncated { rank: Some(rank.parse().ok()?), tol: None })
+        }
+        Some(("ridge", weight)) => {
+            Some(Space::Ridge { weight: weight.parse().ok()?, normalised: false })
+        }
+        Some(_) => None,
+    }
 }
 
 /// The Python object that stands for a space.

@@ -11,7 +11,7 @@ import click
 
 from ddmhe._core import DdmheError
 from ddmhe.checks import file_words, reason
-from ddmhe.cli import demo, design, estimate, interval, reproduce, tune
+from ddmhe.cli import bench, demo, design, estimate, explain, interval, reproduce, tune
 from ddmhe.cli.interrupts import ended_by_interrupts
 
 __all__ = ["cli", "main"]
@@ -35,7 +35,7 @@ def cli(ctx: click.Context) -> None:
         click.echo(ctx.get_help())
 
 
-for _module in (demo, estimate, design, tune, interval, reproduce):
+for _module in (demo, explain, estimate, design, tune, interval, bench, reproduce):
     cli.add_command(_module.command)
 
 

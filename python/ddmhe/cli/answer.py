@@ -47,11 +47,14 @@ class Answer:
 
     def show(self, *tables: RenderableType) -> None:
         """Tables, one below the other, below what was noted."""
+        self._say_notes()
+        if self.tells:
+            self.console.print(*tables)
+
+    def _say_notes(self) -> None:
         notes, self._notes = self._notes, []
         for words in notes:
             self.say(words)
-        if self.tells:
-            self.console.print(*tables)
 
     def note(self, words: str) -> None:
         """A sentence above the first table; an error before it is alone."""
@@ -94,6 +97,7 @@ class Answer:
 
     def end(self) -> None:
         """The JSON object, where one is wanted; Abort after an interrupt."""
+        self._say_notes()
         if self.as_json:
             ends = {"warnings": self._warnings, "written": self._written, "stopped": self._stopped}
             text = json.dumps(plain(self._facts | ends), allow_nan=False, ensure_ascii=False)

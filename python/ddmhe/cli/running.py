@@ -53,8 +53,8 @@ def _joined(parts: list[Any]) -> Any:
 
 def _column(parts: list[Any]) -> Any:
     first = parts[0]
-    if first is None or isinstance(first, str):
-        return first
+    if first is None or isinstance(first, str | int | float):
+        return first  # the same of all, and when the first begins
     if isinstance(first, tuple):
         return tuple(_column(list(column)) for column in zip(*parts, strict=True))
     return np.concatenate(parts) if isinstance(first, np.ndarray) else _joined(parts)

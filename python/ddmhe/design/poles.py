@@ -132,9 +132,10 @@ class PolePlacement:
             )
         if self.lower_bound >= 1:
             yield (
-                f"(24) is impossible: C has rank {self.output_rank} < n = {n}, and on its kernel "
-                f"no gain acts, so that rho0 >= {self.lower_bound:.4g} for every gain. Use a "
-                "weighted certificate (ddmhe.design.ioss) instead."
+                f"(24) is impossible: of the n = {n} directions of the state {self.output_rank} "
+                "show in C by more than twice their error. On the others no gain acts for sure, so "
+                f"that rho0 >= {self.lower_bound:.4g} for every gain. Use a weighted certificate "
+                "(ddmhe.design.ioss) instead."
             )
         if self.arbitrary:
             yield (

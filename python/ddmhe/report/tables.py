@@ -65,7 +65,7 @@ def _plain(label: str) -> Text:
 
 
 def _title(words: str) -> Text:
-    return Text(one_line(words), style="table.title")
+    return Text(one_line(words), style="table.title", no_wrap=True, overflow="ignore")
 
 
 def design(
