@@ -5,7 +5,8 @@
 .PHONY: help setup packages demo test test-long fuzz audit lint bench bench-latency bench-peers \
 	instructions wheel test-wheel study-defaults study-certificates study-tuning study-promise \
 	study-sensitivity study-reproduction study-intervals study-estimators study-disturbance \
-	study-stated-noise study-evidence study-faults study-inputs study-lifted clean
+	study-stated-noise study-evidence study-faults study-inputs study-lifted study-pages \
+	study-plot-libraries example-pages clean
 
 PY := .venv/bin/python
 # The build belongs to .venv, whatever environment the shell is in.
@@ -137,13 +138,26 @@ study-faults: setup ## which faults of outputs are seen, when; docs/measured/evi
 study-lifted: setup ## the polynomial model beside the affine one; docs/lifted.md
 	OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 $(PY) studies/lifted.py
 
+study-pages: setup ## sizes and times of pages on long runs; docs/report.md
+	OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 $(PY) studies/pages.py
+
+# In an environment of its own: the libraries are many and large.
+study-plot-libraries: ## libraries that could draw pages, in Chromium; docs/report.md
+	test -d .venv-pages || python3 -m venv .venv-pages
+	.venv-pages/bin/pip install --quiet --disable-pip-version-check numpy pandas bokeh==3.9.2 \
+		plotly==7.1.0 altair==6.3.0 vl-convert-python==1.9.0.post1 playwright==1.65.2
+	.venv-pages/bin/python studies/plot_libraries.py
+
+example-pages: setup ## the pages of docs/reports
+	$(PY) studies/example_pages.py
+
 study-reproduction: setup ## every experiment of both papers; docs/claims.md and its tables
 	$(PY) -m ddmhe reproduce all --out ddmhe-reproduce
 	cp ddmhe-reproduce/claims.md docs/claims.md
 	cp ddmhe-reproduce/tables.md docs/reproduce-tables.md
 
 clean: ## removes everything that was made
-	rm -rf .venv .venv-audit .venv-peers target dist python/ddmhe/_core*.so
+	rm -rf .venv .venv-audit .venv-peers .venv-pages target dist python/ddmhe/_core*.so
 	rm -rf ddmhe-demo ddmhe-design ddmhe-tune ddmhe-reproduce ddmhe-interval
 	rm -rf .mypy_cache .pytest_cache .ruff_cache
 	find python tests -name __pycache__ -prune -exec rm -rf {} +

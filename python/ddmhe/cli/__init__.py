@@ -11,7 +11,17 @@ import click
 
 from ddmhe._core import DdmheError
 from ddmhe.checks import file_words, reason
-from ddmhe.cli import bench, demo, design, estimate, explain, interval, reproduce, tune
+from ddmhe.cli import (
+    bench,
+    demo,
+    design,
+    estimate,
+    explain,
+    interval,
+    report_page,
+    reproduce,
+    tune,
+)
 from ddmhe.cli.interrupts import ended_by_interrupts
 
 __all__ = ["cli", "main"]
@@ -35,7 +45,8 @@ def cli(ctx: click.Context) -> None:
         click.echo(ctx.get_help())
 
 
-for _module in (demo, explain, estimate, design, tune, interval, bench, reproduce):
+_COMMANDS = (demo, explain, estimate, report_page, design, tune, interval, bench, reproduce)
+for _module in _COMMANDS:
     cli.add_command(_module.command)
 
 

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import sys
+import time
 from collections.abc import Mapping
+from copy import copy
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -18,6 +20,7 @@ from ddmhe.cli.follow import follow
 from ddmhe.cli.in_force import in_force, say_why, who_gave
 from ddmhe.cli.metadata import metadata, read_as
 from ddmhe.cli.options import log_options
+from ddmhe.cli.page import check_page, report_option, step_times, write_page_of
 from ddmhe.cli.reading import read, untold
 from ddmhe.cli.running import run
 from ddmhe.cli.settings import OF_ESTIMATOR, setting_options, settings_from_file, settings_of
@@ -44,6 +47,7 @@ FIGURES = (".png", ".pdf", ".svg")
 @click.option(
     "--plot", type=click.Path(path_type=Path), metavar="FILE.png", help="Where a figure goes."
 )
+@report_option
 @setting_options
 @click.option("--follow", is_flag=True, help="LOG is still being written: a line in, one out.")
 @click.option(
@@ -58,6 +62,7 @@ def command(
     log: Path,
     out: Path | None,
     plot: Path | None,
+    page: Path | None,
     config: Path | None,
     **given: Any,
 ) -> None:
@@ -74,10 +79,13 @@ def command(
     own = {key: given.pop(key) for key in OF_ESTIMATOR}
     from_file = settings_from_file(config, given)
     if live:
+        if page is not None:
+            raise click.BadParameter("expected without --follow, found both", param_hint="--report")
         _follow(answer, log, out, plot, given, (from_file, own), resume)
         return
+    check_page(page)
     target, figure = _targets(log, out, plot)
-    replaced = [path for path in (target, figure) if path is not None and path.exists()]
+    replaced = [path for path in (target, figure, page) if path is not None and path.exists()]
     how = read_as(given)
     samples, split = read(answer, log, given)
     named = settings_of(from_file, own, samples.names, split.goes_on)
@@ -86,12 +94,19 @@ def command(
     at_first = list(est.warnings)
     _warn(answer, samples, split, at_first)
     asked = len(split.Y)
+    fresh = None if page is None else copy(est)
+    begin = time.perf_counter()
     estimates = run(answer, est, split.Y, split.U)
+    took = time.perf_counter() - begin
     if len(estimates.x) < asked:
         answer.stop()
         samples, split = _cut(samples, split, len(estimates.x))
     about = metadata(split, est, named, how)
     written = write_files(target, figure, split, estimates, about)
+    if page is not None and fresh is not None:
+        told = list(in_words_of(samples.names, est.warnings, split.t))
+        times = step_times(fresh, split, took)
+        written.append(write_page_of(page, split, (est, estimates), about, told, times))
     _warn(answer, samples, split, [told for told in est.warnings if told not in at_first])
     marks = in_force(est, named, who_gave(from_file, own, config))
     answer.show(summary(samples, split, est, estimates, marks))

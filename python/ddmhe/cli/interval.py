@@ -13,7 +13,9 @@ from ddmhe import report
 from ddmhe._core import DdmheError
 from ddmhe.checks import word
 from ddmhe.cli.answer import Answer, answers
+from ddmhe.cli.metadata import read_as
 from ddmhe.cli.options import directory_option, radius, reading_options
+from ddmhe.cli.page import check_page, report_option, write_page_of
 from ddmhe.cli.reading import read
 from ddmhe.recordings import Log, Recorded
 
@@ -46,9 +48,10 @@ __all__ = ["command"]
     help="Without radii: times the smallest that the log admits.",
 )
 @click.option("--accept-wide", is_flag=True, help="Write bounds that say little, too.")
+@report_option
 @directory_option("ddmhe-interval")
 @answers
-def command(answer: Answer, log: str, out: Path, **given: Any) -> None:
+def command(answer: Answer, log: str, out: Path, page: Path | None, **given: Any) -> None:
     """Guaranteed intervals: of the interval paper's pendulum, or of a LOG's states after its
     history.
 
@@ -56,10 +59,13 @@ def command(answer: Answer, log: str, out: Path, **given: Any) -> None:
     beside it. LOG: an interval observer for every affine system that the history allows with the
     stated bounds on its noise, and a verdict: the width against the recorded range. Bounds wider
     than half of it are refused with exit code 2."""
-    if log == "pendulum":
+    check_page(page)
+    if log != "pendulum":
+        _log(answer, Path(log), (out, page), given)
+    elif page is None:
         _pendulum(answer, out)
     else:
-        _log(answer, Path(log), out, given)
+        raise click.BadParameter("expected with a log, found pendulum", param_hint="--report")
 
 
 def _pendulum(answer: Answer, out: Path) -> None:
@@ -86,16 +92,19 @@ def _design_facts(design: ObserverDesign) -> dict[str, Any]:
     return {name: getattr(design, name) for name in names}
 
 
-def _log(answer: Answer, log: Path, out: Path, given: dict[str, Any]) -> None:
-    """Intervals of a log, written only if they say something."""
+def _log(
+    answer: Answer, log: Path, targets: tuple[Path, Path | None], given: dict[str, Any]
+) -> None:
+    """Intervals of a log, written only if they say something: to a directory and a page."""
     from ddmhe.interval import from_history, judge
 
-    radii = _radii(given)
+    (out, page), radii, how = targets, _radii(given), read_as(given)
     samples, split = read(answer, log, given)
     names = samples.names.state, samples.names.output
     with answer.working("bounding"):
         model = from_history(split.history, *radii.values(), kappa=given["kappa"], names=names)
-        bounds = model.observer().run(split.Y)
+        observer = model.observer()
+        bounds = observer.run(split.Y)
     if bounds.violation is not None:
         at = f"at {split.t[len(bounds)]:g} s {bounds.violation}"
         raise DdmheError(
@@ -116,7 +125,11 @@ def _log(answer: Answer, log: Path, out: Path, given: dict[str, Any]) -> None:
             f"found {verdict.words}; nothing is written, --accept-wide writes them all the same"
         )
     out.mkdir(parents=True, exist_ok=True)
-    answer.wrote(_write(out, samples, split, bounds))
+    written = _write(out, samples, split, bounds)
+    if page is not None:
+        about = {"reading": how, "named": {key: given[key] for key in ("kappa",)}}
+        written.append(write_page_of(page, split, (observer, bounds), about, [model.words]))
+    answer.wrote(written)
 
 
 def _radii(given: dict[str, Any]) -> dict[str, Any]:

@@ -72,18 +72,16 @@ def first_unread(texts: Sequence[str]) -> int:
 
 def epoch_texts(texts: Sequence[str]) -> NDArray[np.int64] | None:
     """Seconds since 1970 with a fraction, as whole nanoseconds (N,): more digits than a float64
-    has; None where a text is none, or one is beyond 2262."""
+    has; None where a text is none."""
     if not texts or _EPOCH.match(texts[0].strip()) is None:
         return None
     found = [_EPOCH.match(text.strip()) for text in texts]
     if not all(found):
         return None
     pairs = (match.groups() for match in found if match is not None)
-    ns = [int(s) * SECOND + int((f or "").ljust(9, "0")) for s, f in pairs]
-    countable = np.iinfo(np.int64)
-    if not all(countable.min <= each <= countable.max for each in ns):
-        return None
-    return np.array(ns, dtype=np.int64)
+    return np.array(
+        [int(s) * SECOND + int((f or "").ljust(9, "0")) for s, f in pairs], dtype=np.int64
+    )
 
 
 def written_like(text: str, ns: int) -> str:

@@ -3,7 +3,6 @@ one if that can be nothing else. A counter is none."""
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Sequence
 from dataclasses import replace
@@ -112,13 +111,11 @@ def _clearest(table: Table, named: Sequence[str]) -> list[str]:
 
 
 def _numbers(cells: Cells, decimal: str) -> np.ndarray | None:
-    """The first cells as numbers; None if one is none, or beyond a double."""
+    """The first cells as numbers; None if one is none."""
     if isinstance(cells, np.ndarray):
         return np.asarray(cells[:LOOKED_AT], float) if cells.dtype.kind in "fiu" else None
     values = [number(cell, decimal) for cell in cells[:LOOKED_AT]]
-    if any(v is None or math.isinf(v) for v in values):
-        return None
-    return np.array(values, dtype=np.float64)
+    return None if None in values else np.array(values, dtype=np.float64)
 
 
 def _stays(table: Table, name: str) -> bool:
