@@ -3,7 +3,9 @@ browser: test_report_browser.py."""
 
 import json
 import re
+from dataclasses import dataclass
 from html.parser import HTMLParser
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -196,7 +198,7 @@ def test_a_run_of_which_nothing_is_known(run, tmp_path):
     ddmhe.report.html(est, log, tmp_path / "page.html")
     words = Words((tmp_path / "page.html").read_text())
     assert "errors" not in words.sections
-    assert "step" in words.sections["summary"]
+    assert f"{len(log.x)} samples, {log.t[0]:.6g} s to" in words.sections["summary"]
     assert "root-mean-square errors" in words.sections["summary"]
 
 
@@ -209,6 +211,51 @@ def test_a_baseline_has_a_page_of_its_estimates(run, recording, tmp_path):
     assert set(words.sections) >= {"summary", "estimate", "errors", "again"}
     assert "Nothing was computed that says how far" in words.sections["summary"]
     assert "KoopmanMhe" in words.sections["again"]
+
+
+def test_a_polynomial_model_has_a_page(run, recording, tmp_path):
+    """Its evidence is of two kinds: of the lift, and of the affine estimator after it."""
+    est = ddmhe.LiftedMhe(run[2])
+    log = est.run(recording.y[200:-1])
+    assert set(log.evidence.kind) == {"V", "nis"}
+    ddmhe.report.html(est, log, tmp_path / "page.html", history=run[2])
+    text = (tmp_path / "page.html").read_text()
+    words = Words(text).sections
+    share = np.mean(log.status == "lifted")
+    assert f"degree {est.degree} is used" in words["model"]
+    assert f"made {100 * share:.0f} % of the estimates" in words["model"]
+    assert "statistic over its limit" in words["evidence"]
+    chart = next(c for c in data_of(text)["charts"] if c["log"])
+    assert chart["curves"][1]["v"] == pytest.approx(
+        log.evidence.value / log.evidence.limit, rel=1e-3
+    )
+
+
+@dataclass
+class Body:
+    """What `RigidBodyMhe.report()` returns, by the names of its contract."""
+
+    chi = np.array([1.0, 0.9, 1.2, 3.5])
+    limits = np.array([1.5, 1.5, 2.0, 2.0])
+    evidence = -12.5
+    optima = ((10.0, -12.5, np.diag([0.5, 1.0, 1.5])), (11.0, -14.0, np.diag([0.6, 1.0, 1.4])))
+    inertia = np.diag([0.5, 1.0, 1.5])
+    inertia_std = np.full((3, 3), 0.0123)
+    unseen = np.array([0.0, 0.6, 0.8])
+    words = ("the motion is explained", "two optima are kept")
+
+
+def test_what_is_known_of_a_rigid_body_is_a_section(run, tmp_path):
+    known = SimpleNamespace(report=Body, p=3, warnings=["<i>"])
+    ddmhe.report.html(known, run[1], tmp_path / "page.html")
+    words = Words((tmp_path / "page.html").read_text()).sections["body"]
+    for text in ("1.5 ± 0.0123", "(0.000, 0.600, 0.800)", "two optima are kept", "0.600, 1.000"):
+        assert text in words
+    assert words.count("yes") == 3
+    nothing = SimpleNamespace(report=lambda: None, p=3)
+    ddmhe.report.html(nothing, run[1], tmp_path / "page.html")
+    words = Words((tmp_path / "page.html").read_text()).sections["body"]
+    assert "No rigid body was fitted" in words
 
 
 def test_a_run_without_evidence(run, recording, tmp_path):

@@ -62,18 +62,26 @@ def evidence_section(run: Run) -> Section | None:
     evidence = getattr(run.log, "evidence", None)
     if evidence is None:
         return None
-    kind = str(evidence.kind)
-    blocks: list[Any] = [Text(INNOVATION[kind]), _table(run, evidence)]
+    kinds = sorted(set(np.atleast_1d(evidence.kind).tolist()))
+    blocks: list[Any] = [Text(INNOVATION[kind]) for kind in kinds]
+    blocks.append(_table(run, evidence))
     for i, channel in enumerate(run.outputs):
         blocks.append(_innovation(channel.label, evidence, i))
         blocks.append(_whiteness(channel.label, evidence, i))
-    name, words = KINDS[kind]
-    value, limit = np.asarray(evidence.value), np.asarray(evidence.limit)
-    above = float(np.mean(value > limit))
-    curves = [Curve("limit", "limit", limit), Curve(name, "estimate", value)]
-    alt = f"{name} over time with its limit, on a logarithmic axis: above it {percent(above)}."
-    blocks += [Text(words), Chart(name, alt, curves, log=True, doubts=True)]
+    blocks += [Text(KINDS[kind][1]) for kind in kinds]
+    blocks.append(_statistic(KINDS[kinds[0]][0] if len(kinds) == 1 else "", evidence))
     return Section("evidence", "Evidence", blocks)
+
+
+def _statistic(name: str, evidence: Any) -> Chart:
+    """The statistic and its limit; of several without one name, their shares of their limits."""
+    value, limit = np.asarray(evidence.value), np.asarray(evidence.limit)
+    if not name:
+        name, value, limit = "statistic over its limit", value / limit, np.ones(len(value))
+    above = percent(float(np.mean(value > limit)))
+    alt = f"{name} over time with its limit, on a logarithmic axis: above it {above}."
+    curves = [Curve("limit", "limit", limit), Curve(name, "estimate", value)]
+    return Chart(name, alt, curves, log=True, doubts=True)
 
 
 def _table(run: Run, evidence: Any) -> Table:

@@ -112,6 +112,7 @@ def run_of(
     history = source.history
     if history is not None and history.n != n:
         raise ShapeError(f"history: expected {n} states as the log has, found {history.n}")
+    t = getattr(log, "t", None) if t is None else t
     label = "time (s)" if t is not None or history is not None else "step"
     if t is None:
         t = np.arange(1.0, N + 1) * (1.0 if history is None else history.dt)

@@ -19,6 +19,7 @@ from ddmhe.report.web.intervals import (
     observer_section,
     verdict_section,
 )
+from ddmhe.report.web.models import lifted_section, rigid_section
 from ddmhe.report.web.parts import Page, Section
 from ddmhe.report.web.run import Run, Source, run_of
 from ddmhe.report.web.setup import (
@@ -60,7 +61,7 @@ def html(
     truth
         True states (N, n), NaN where unknown.
     t
-        Times of the estimates (N,), s; default: since the recording's end, or steps.
+        Times of the estimates (N,), s; default: the log's, or steps.
     names
         Names of the states (n), or {"state": …, "output": …}, or `Recorded.names`.
     units
@@ -108,6 +109,8 @@ def _sections(run: Run) -> list[Section]:
         error_section(run),
         doubt_section(run),
         evidence_section(run),
+        rigid_section(run),
+        lifted_section(run),
         recording_section(run),
         settings_section(run),
         steps_section(run),
