@@ -2,7 +2,7 @@
 # .venv.
 .DEFAULT_GOAL := help
 .NOTPARALLEL:
-.PHONY: help setup packages demo test test-long fuzz audit lint bench bench-latency bench-peers \
+.PHONY: help setup packages demo test test-long fuzz audit lint docs bench bench-latency bench-peers \
 	instructions wheel test-wheel study-defaults study-certificates study-tuning study-promise \
 	study-sensitivity study-reproduction study-intervals study-estimators study-disturbance \
 	study-stated-noise study-evidence study-faults study-inputs study-lifted study-pages \
@@ -67,6 +67,12 @@ rust-components:
 	@for c in fmt clippy; do cargo $$c --version >/dev/null 2>&1 || { \
 		echo "ddmhe: 'cargo $$c' is needed, not found (rustup component add rustfmt clippy)" >&2; \
 		exit 1; }; done
+
+# Without a network once the packages are there.
+docs: setup ## the site, in docs/_build: guides, gallery, reference, measurements
+	$(PY) -m pip install --quiet --disable-pip-version-check -r requirements-docs.txt
+	OPENBLAS_NUM_THREADS=1 $(PY) -m sphinx -W --keep-going -q docs docs/_build
+	@echo "docs/_build/index.html"
 
 bench: setup ## time of the core's operations
 	cargo bench --workspace --locked

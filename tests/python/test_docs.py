@@ -1,6 +1,9 @@
 """Code in the README and the docs does what it says."""
 
+import os
 import re
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -8,7 +11,7 @@ import pytest
 import odd_logs
 
 ROOT = Path(__file__).parents[2]
-PAGES = [*ROOT.glob("*.md"), *ROOT.glob("docs/**/*.md")]
+PAGES = [*ROOT.glob("*.md"), *(p for p in ROOT.glob("docs/**/*.md") if "_build" not in p.parts)]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 
 
@@ -59,12 +62,35 @@ def test_the_paper_in_one_call_as_the_docs_have_it(capsys):
     assert "errors within their bounds: True" in printed
 
 
+GUIDES = ["index", "start", "how-to-outputs", "how-to-constraints", "how-to-inputs"]
+
+
+@pytest.mark.parametrize("name", GUIDES)
+def test_guides_run(name):
+    text = (ROOT / "docs" / f"{name}.md").read_text(encoding="utf-8")
+    (block,) = re.findall(r"```python\n(.*?)```", text, re.DOTALL)
+    names = {}
+    exec(compile(block, f"{name}.md", "exec"), names)
+    assert "ddmhe" in names
+
+
+@pytest.mark.parametrize("path", sorted(ROOT.glob("examples/gallery/*.py")), ids=lambda p: p.stem)
+def test_the_gallery_runs(path):
+    command = [sys.executable, "-W", "error", str(path)]
+    environment = os.environ | {"MPLBACKEND": "agg"}
+    found = subprocess.run(command, capture_output=True, text=True, timeout=120, env=environment)
+    assert found.returncode == 0, found.stderr
+    assert found.stdout
+
+
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
 def test_links_lead_somewhere(page):
     """To files that exist, and to headings that they have."""
     for file, heading in re.findall(r"\]\(([^)#\s]*)#?([^)\s]*)\)", page.read_text("utf-8")):
         if "://" in file or file.startswith("mailto:"):
             continue
+        if file.startswith("gallery/"):
+            continue  # made of examples/gallery with the site
         target = page.parent / file if file else page
         assert target.exists(), f"{page.name}: {file}"
         if heading:

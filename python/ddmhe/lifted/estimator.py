@@ -63,14 +63,10 @@ class LiftedMhe:
 
     Attributes
     ----------
-    chosen : bool
-        Whether the lift is used.
     degree : int
         Degree of the best lift, 1 to 3; 0 where the recording is too short for any.
     gain : float
         Mean logarithm of the affine estimator's error over the lift's in the held-out ends.
-    promise : (n,)
-        Root-mean-square error there of the estimator that is used.
     """
 
     def __init__(
