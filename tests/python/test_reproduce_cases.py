@@ -7,12 +7,13 @@ import numpy as np
 import pytest
 
 import ddmhe
+from ddmhe.report.palette import HISTORY
 from ddmhe.reproduce import (
     bench,
     satellite,
 )
 from ddmhe.reproduce.claims import cases, holds_for, verdict
-from ddmhe.reproduce.experiments import COLORS
+from ddmhe.reproduce.experiments import ESTIMATORS
 from ddmhe.reproduce.montecarlo import Trials
 
 
@@ -134,18 +135,18 @@ def test_the_figure_starts_with_the_history_and_shows_the_box_where_it_acts(acts
         Trials([one, one]),
         names=("omega",),
         quantity="speed (rad/s)",
-        colors={bench.MHE: COLORS[bench.MHE]},
+        colors={bench.MHE: ESTIMATORS[bench.MHE]},
         band=1.0,
     )
     above = figure.axes[0]
-    first, *_ = (line for line in above.lines if line.get_color() == "0.2")
+    first, *_ = (line for line in above.lines if line.get_color() == HISTORY)
     assert first.get_xdata()[[0, -1]].tolist() == pytest.approx([0.0, 0.5])
-    (estimate,) = (line for line in above.lines if line.get_color() == COLORS[bench.MHE])
+    (estimate,) = (line for line in above.lines if line.get_color() == ESTIMATORS[bench.MHE])
     assert len(estimate.get_xdata()) == 250
     assert bool(above.collections) == acts
     assert f"active at {250 * acts} of 250" in figure.legends[0].get_texts()[1].get_text()
 
 
 def test_every_estimator_has_a_colour_of_its_own():
-    assert len(set(COLORS.values())) == len(COLORS)
-    assert set(bench.JUDGED) <= set(COLORS)
+    assert len(set(ESTIMATORS.values())) == len(ESTIMATORS)
+    assert set(bench.JUDGED) <= set(ESTIMATORS)

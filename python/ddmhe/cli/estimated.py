@@ -135,17 +135,19 @@ def write_files(
         written += write_estimates_file(out, EstimatesFile.of(split, estimates, metadata))
     if figure is not None:
         from ddmhe.report.figures import estimate_figure
-        from ddmhe.report.style import caption
+        from ddmhe.report.style import labels
 
         log, T = split.log, len(split.log.t) - len(split.t) - 1
+        states = log.names.state
+        names, quantity = labels(states, [log.unit(name) for name in states])
         figure.parent.mkdir(parents=True, exist_ok=True)
         drawing = estimate_figure(
             split.t,
             estimates.x,
             split.x_true,
             history=(log.t[: T + 1], log.x[: T + 1]),
-            names=[caption(name) for name in log.names.state],
-            quantity="state (unit of the log)",
+            names=names,
+            quantity=quantity,
             trust=Trust.of_log(estimates),
         )
         report.save_figure(drawing, figure)

@@ -209,7 +209,8 @@ def _write(out: Path, samples: Log, split: Recorded, bounds: Any) -> list[Path]:
         drawn = np.isfinite(bounds.upper - bounds.lower).any(axis=0).all()
     if drawn:
         truth = np.full_like(bounds.lower, np.nan) if split.x_true is None else split.x_true
-        labels = [f"{caption(name)} (unit of the log)" for name in names]
+        units = [samples.unit(name) or "unit of the log" for name in names]
+        labels = [f"{caption(a)} ({caption(b)})" for a, b in zip(names, units, strict=True)]
         figure = intervals_figure(
             split.t, truth, {"interval": (bounds.lower, bounds.upper)}, labels
         )

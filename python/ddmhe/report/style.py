@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from matplotlib import colormaps
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
@@ -21,7 +21,7 @@ __all__ = [
     "ESTIMATE",
     "TRUTH",
     "caption",
-    "color_of",
+    "labels",
     "legend_above",
     "shade",
 ]
@@ -36,9 +36,9 @@ BAND: dict[str, Any] = {"alpha": 0.2, "linewidth": 0.0}
 BAR: dict[str, Any] = {"linewidth": 0.9, "linestyle": "--"}
 """What an error should stay below."""
 DOUBTS = {
-    Reason.NOVEL: (1.0, 0.75, 0.3, 0.22),
-    Reason.UNCERTAIN: (0.85, 0.3, 0.3, 0.16),
-    Reason.STUCK: (0.3, 0.5, 0.9, 0.2),
+    Reason.NOVEL: (0.90, 0.62, 0.0, 0.24),
+    Reason.UNCERTAIN: (0.80, 0.27, 0.51, 0.16),
+    Reason.STUCK: (0.43, 0.31, 0.78, 0.2),
 }
 """Where an estimate is not to be trusted: light, so that reasons that come together show, too."""
 
@@ -49,10 +49,17 @@ def caption(name: str) -> str:
     return word(name).replace("$", r"\$")
 
 
-def color_of(i: int) -> tuple[float, float, float, float]:
-    """Colour of the i-th curve."""
-    rgba: tuple[float, float, float, float] = colormaps["tab10"](i % 10)
-    return rgba
+def labels(names: Sequence[str], units: Sequence[str]) -> tuple[list[str], str]:
+    """Labels of states, with their units behind them; and what a common axis is of, with the unit
+    if all share one, which then stands nowhere else."""
+    shared = units[0] if len(set(units)) == 1 else ""
+    if shared:
+        return [caption(name) for name in names], f"state ({caption(shared)})"
+    with_units = [
+        f"{caption(name)} ({caption(unit)})" if unit else caption(name)
+        for name, unit in zip(names, units, strict=True)
+    ]
+    return with_units, "state"
 
 
 def shade(axes: Axes, t: Array) -> None:

@@ -18,6 +18,7 @@ from ddmhe.cases import bench as bench_case
 from ddmhe.cases import pendulum as pendulum_case
 from ddmhe.cases import satellite as case
 from ddmhe.files import write
+from ddmhe.report.palette import COLORS, color_of
 from ddmhe.reproduce import bench, satellite
 from ddmhe.reproduce.claims import Claim
 from ddmhe.reproduce.montecarlo import ENDS, Trials, in_parallel, percentiles, run_grid, run_trials
@@ -286,7 +287,7 @@ def pendulum_intervals(advance: Callable[[], None]) -> Result:
             name, *(f"{w:.5f}" for w in width), str(sum(trial.violations(name) for trial in trials))
         )
     first = trials[0]
-    colors = dict(zip((*mean, pendulum.PRINTED_BALL), PALETTE, strict=False))
+    colors = dict(zip((*mean, pendulum.PRINTED_BALL), COLORS, strict=False))
     from_0 = np.concatenate([[0.0], t])
 
     def drawn(*names: str) -> Figure:
@@ -315,31 +316,18 @@ def pendulum_intervals(advance: Callable[[], None]) -> Result:
 
 # --- tables and colours
 
-COLORS = {
-    bench.MHE: "tab:blue",
-    bench.DEFAULTS: "tab:cyan",
-    bench.KMHE: "tab:orange",
-    bench.ESKF: "tab:green",
-    bench.EKF: "tab:purple",
+ESTIMATORS = {
+    bench.MHE: color_of(0),
+    bench.DEFAULTS: color_of(5),
+    bench.KMHE: color_of(4),
+    bench.ESKF: color_of(2),
+    bench.EKF: color_of(3),
 }
 """One colour for each estimator in every figure."""
-PALETTE = (
-    "tab:blue",
-    "tab:orange",
-    "tab:olive",
-    "tab:cyan",
-    "tab:brown",
-    "tab:green",
-    "tab:pink",
-    "tab:purple",
-    "tab:gray",
-    "tab:red",
-)
-"""Of the interval methods, in the order of their table."""
 
 
 def _colors(*names: str) -> dict[str, str]:
-    return {name: COLORS[name] for name in names}
+    return {name: ESTIMATORS[name] for name in names}
 
 
 def short(value: float) -> str:

@@ -8,6 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from ddmhe.report.palette import HISTORY, color_of
 from ddmhe.report.style import ESTIMATE, TRUTH, legend_above, shade
 from ddmhe.reproduce.montecarlo import Trial, Trials
 from ddmhe.reproduce.tol import DRAWN
@@ -63,7 +64,7 @@ def trials_figure(
     below.grid(alpha=0.3)
     for axes in panels:
         if event is not None:
-            axes.axvspan(*event, color="tab:red", alpha=0.08, zorder=0)
+            axes.axvspan(*event, color=color_of(1), alpha=0.1, zorder=0)
         if first.history is not None:
             shade(axes, first.history[0])
     handles, labels = panels[0].get_legend_handles_labels()
@@ -84,7 +85,7 @@ def _draw_first(
     shown = truth
     if first.history is not None:
         recorded = scale * first.history[1][:, i]
-        axes.plot(first.history[0], recorded, color="0.2", **TRUTH)
+        axes.plot(first.history[0], recorded, color=HISTORY, **TRUTH)
         shown = np.concatenate([recorded, truth])
     axes.plot(first.t, truth, color="0.2", label="true; shaded: history", **TRUTH)
     if band is not None and first.center is not None and first.active is not None:

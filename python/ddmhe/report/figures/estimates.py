@@ -13,7 +13,8 @@ from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
 from ddmhe.reasons import Reason
-from ddmhe.report.style import BAND, BAR, DOUBTS, ESTIMATE, TRUTH, color_of, legend_above, shade
+from ddmhe.report.palette import COLORS, HISTORY, color_of
+from ddmhe.report.style import BAND, BAR, DOUBTS, ESTIMATE, TRUTH, legend_above, shade
 from ddmhe.report.trust import BARS, Trust
 
 Array = NDArray[np.float64]
@@ -61,7 +62,8 @@ def estimate_figure(
         Of curves of the lower panel, by label, what they should stay below (N,); default three
         standard deviations per state.
     """
-    colors: list[Any] = ["black", "tab:red", "tab:purple", "tab:brown"]
+    # the states have the first colours
+    colors: list[Any] = [color_of(len(names) + k) for k in range(len(COLORS))]
     if errors is None and x_true is not None:
         errors = {name: np.abs(x_hat[:, i] - x_true[:, i]) for i, name in enumerate(names)}
         colors = [color_of(i) for i in range(len(names))]
@@ -97,7 +99,7 @@ def _draw_states(
     names: Sequence[str],
 ) -> None:
     for i in range(len(names)):
-        axes.plot(history[0], history[1][:, i], color=color_of(i), **TRUTH)
+        axes.plot(history[0], history[1][:, i], color=HISTORY, **TRUTH)
         if x_true is not None:
             axes.plot(t, x_true[:, i], color=color_of(i), **TRUTH)
         axes.plot(t, x_hat[:, i], color=color_of(i), **ESTIMATE)

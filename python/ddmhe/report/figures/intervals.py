@@ -8,7 +8,8 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from ddmhe.report.style import ESTIMATE, color_of, legend_above
+from ddmhe.report.palette import color_of
+from ddmhe.report.style import ESTIMATE, legend_above
 
 Array = NDArray[np.float64]
 

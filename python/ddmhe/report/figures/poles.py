@@ -8,6 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from ddmhe.report.palette import color_of
 from ddmhe.report.style import legend_above
 
 if TYPE_CHECKING:
@@ -26,12 +27,12 @@ def pole_figure(model: AffineModel, placement: PolePlacement) -> Figure:
     axes.plot(circle.real, circle.imag, color="0.4", linewidth=1, label="unit circle")
     _draw_region(axes, placement.region)
     kinds: list[tuple[Any, str, str, str]] = [
-        (np.linalg.eigvals(model.A), "x", "tab:blue", "identified A"),
-        (placement.poles, "o", "tab:orange", "A_L as printed, from data"),
+        (np.linalg.eigvals(model.A), "x", color_of(0), "identified A"),
+        (placement.poles, "o", color_of(1), "A_L as printed, from data"),
     ]
     if placement.gain is not None:
         kinds.append(
-            (placement.poles_identified, "s", "tab:green", "A + L C in the identified model")
+            (placement.poles_identified, "s", color_of(2), "A + L C in the identified model")
         )
     for values, marker, color, label in kinds:
         style: dict[str, Any] = (
@@ -55,5 +56,5 @@ def _draw_region(axes: Axes, region: Region) -> None:
     z = grid[None, :] + 1j * grid[:, None]
     f = L + z[..., None, None] * M + z.conj()[..., None, None] * M.T
     inside = np.linalg.eigvalsh(f)[..., -1]
-    axes.contourf(grid, grid, inside, levels=[-1e9, 0.0], colors=["tab:orange"], alpha=0.15)
-    axes.fill([], [], color="tab:orange", alpha=0.15, label=str(region))
+    axes.contourf(grid, grid, inside, levels=[-1e9, 0.0], colors=[color_of(1)], alpha=0.15)
+    axes.fill([], [], color=color_of(1), alpha=0.15, label=str(region))

@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from ddmhe.report.style import color_of
+from ddmhe.report.palette import color_of
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -9,7 +9,8 @@ from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from ddmhe.report.style import color_of, legend_above
+from ddmhe.report.palette import color_of
+from ddmhe.report.style import legend_above
 
 Array = NDArray[np.float64]
 
