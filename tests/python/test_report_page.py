@@ -312,6 +312,15 @@ def test_arguments_that_do_not_fit(run, tmp_path, wrong, words):
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.parametrize("value", [np.nan, 1e300, np.inf, 0.0])
+def test_estimates_that_are_no_use_have_a_page(run, tmp_path, value):
+    x = np.full((30, 3), value)
+    x[0] = 0.0
+    ddmhe.report.html(run[0], Log(x), tmp_path / "page.html", truth=np.zeros((30, 3)))
+    charts = data_of((tmp_path / "page.html").read_text())["charts"]
+    assert [len(curve["v"]) for curve in charts[0]["curves"]] == [30, 30]
+
+
 def test_what_is_no_run_is_refused(run, tmp_path):
     with pytest.raises(ddmhe.DdmheError, match="log: expected what an estimator's run returns"):
         ddmhe.report.html(run[0], 3, tmp_path / "page.html")

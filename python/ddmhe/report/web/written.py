@@ -83,7 +83,9 @@ def html(
     if history is not None:
         known = known.with_history(history)
     run = run_of(est, log, truth=truth, t=t, names=names, units=units, source=known)
-    write_page(path, page_of(run))
+    with np.errstate(over="ignore", invalid="ignore"):  # of estimates that have left all bounds
+        page = page_of(run)
+        write_page(path, page)
 
 
 def page_of(run: Run) -> Page:
