@@ -12,6 +12,7 @@ mod linear;
 mod no_std;
 mod plan;
 mod reset;
+mod rigid;
 mod snapshots;
 mod space;
 mod systems;

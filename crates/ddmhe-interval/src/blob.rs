@@ -45,10 +45,12 @@ pub enum Kind {
     IntervalEstimate = 6,
     /// All sets of a run of an interval observer.
     IntervalLog = 7,
+    /// A `RigidBodyMhe`.
+    RigidBody = 8,
 }
 
 impl Kind {
-    const ALL: [Kind; 7] = [
+    const ALL: [Kind; 8] = [
         Kind::Estimator,
         Kind::History,
         Kind::Estimate,
@@ -56,6 +58,7 @@ impl Kind {
         Kind::Observer,
         Kind::IntervalEstimate,
         Kind::IntervalLog,
+        Kind::RigidBody,
     ];
 
     fn name(self) -> &'static str {
@@ -67,6 +70,7 @@ impl Kind {
             Kind::Observer => "an interval observer's state",
             Kind::IntervalEstimate => "a saved interval estimate",
             Kind::IntervalLog => "a saved interval log",
+            Kind::RigidBody => "a snapshot of a rigid body's estimator",
         }
     }
 }

@@ -13,6 +13,7 @@ mod log;
 mod many;
 mod mhe;
 mod pickle;
+mod rigid;
 mod settings;
 mod signals;
 mod spaces;
@@ -49,6 +50,8 @@ mod _core {
     use crate::many::run_many;
     #[pymodule_export]
     use crate::mhe::DdMhe;
+    #[pymodule_export]
+    use crate::rigid::{RigidBodyMhe, RigidBodyReport};
     #[pymodule_export]
     use crate::settings::{check_settings, setting_names};
     #[pymodule_export]

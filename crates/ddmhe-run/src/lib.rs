@@ -85,6 +85,7 @@ pub mod prices;
 pub mod problem;
 pub mod response;
 pub mod reweight;
+pub mod rigid;
 mod sensitivity;
 mod sliding;
 mod soft;

@@ -22,12 +22,25 @@ pub enum Status {
     /// described at [`Stepper::step`](crate::Stepper::step).
     #[default]
     Failed,
+    /// Of a rigid body: its motion explains the data.
+    Structured,
+    /// Of a rigid body: its motion and the data disagree, and its parameters wander.
+    Adapting,
+    /// Of a rigid body: no such motion explains the data, and the affine estimator took over.
+    Affine,
 }
 
 impl Status {
     /// All of them, each at the place of its [`code`](Self::code).
-    const ALL: [Status; 4] =
-        [Status::Optimal, Status::AlmostOptimal, Status::Infeasible, Status::Failed];
+    const ALL: [Status; 7] = [
+        Status::Optimal,
+        Status::AlmostOptimal,
+        Status::Infeasible,
+        Status::Failed,
+        Status::Structured,
+        Status::Adapting,
+        Status::Affine,
+    ];
 
     /// A number for what is saved or sent.
     pub fn code(self) -> u32 {
@@ -46,6 +59,9 @@ impl Status {
             Status::AlmostOptimal => "almost_optimal",
             Status::Infeasible => "infeasible",
             Status::Failed => "failed",
+            Status::Structured => "structured",
+            Status::Adapting => "adapting",
+            Status::Affine => "affine",
         }
     }
 }

@@ -1,0 +1,18 @@
+//! A tumbling rigid body: what is prepared on the ground for [`ddmhe_run::rigid`].
+//!
+//! `config` (settings) → `recording` (its noise, and where fits begin) → `choice` (which motion made
+//! it: a rigid body, one with cubic drag, or the `affine` one) → `online` (a run with p outputs) →
+//! `mhe` ([`RigidBodyMhe`]). `report` says what is known of the body, `saved` is a run as bytes.
+
+mod affine;
+mod choice;
+mod config;
+mod mhe;
+mod online;
+mod recording;
+mod report;
+mod saved;
+
+pub use config::{Refits, RigidConfig};
+pub use mhe::RigidBodyMhe;
+pub use report::{Optimum, Report};

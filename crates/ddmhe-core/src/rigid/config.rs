@@ -1,0 +1,85 @@
+//! Settings of the rigid body's estimator, and the checks of every argument.
+
+use crate::check::check_finite;
+use crate::config::Bounds;
+use crate::config_checks::check_box;
+use crate::error::Error;
+use crate::history::History;
+use serde::{Deserialize, Serialize};
+
+/// Most outputs.
+pub(crate) const OUTPUTS: usize = 6;
+/// Fewest outputs of a recording: ten blocks of ten, whose means say whether a fit explains it.
+const SAMPLES: usize = 100;
+
+/// When the motion is fitted anew to recording and all outputs since.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+pub enum Refits {
+    /// In the step that it is due in, whatever time that takes.
+    #[default]
+    Now,
+    /// When it is due, a slice with each step.
+    Sliced,
+    /// When [`RigidBodyMhe::refit`](crate::RigidBodyMhe::refit) is called.
+    Manual,
+}
+
+/// Settings; what is None is read off the recording.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+pub struct RigidConfig {
+    /// Standard deviation of the noise on recorded rates (rad/s): one, or three.
+    pub x_noise: Option<Vec<f64>>,
+    /// On recorded outputs: one, or p.
+    pub y_noise: Option<Vec<f64>>,
+    /// On later outputs: one, or p; None: as on recorded ones.
+    pub output_noise: Option<Vec<f64>>,
+    /// Box on ω (rad/s).
+    pub x_bounds: Option<Bounds>,
+    /// When the motion is fitted anew.
+    pub refit: Refits,
+}
+
+impl RigidConfig {
+    /// Checks the settings and the recording that they are for.
+    pub(crate) fn check(&self, history: &History) -> Result<(), Error> {
+        let (n, p) = (history.n(), history.p());
+        if n != 3 {
+            return Err(Error::shape("history", "n = 3 states, the rates of a body", n));
+        }
+        if p > OUTPUTS {
+            return Err(Error::shape("history", format!("p = 1 to {OUTPUTS} outputs"), p));
+        }
+        if history.m() > 0 {
+            let found = format!("m = {}", history.m());
+            return Err(Error::shape("history", "none of known inputs", found));
+        }
+        if history.recordings() > 1 {
+            return Err(Error::shape("history", "one recording", history.recordings()));
+        }
+        if history.T() < SAMPLES {
+            let expected = format!("at least {SAMPLES} outputs");
+            return Err(Error::shape("history", expected, history.T()));
+        }
+        if let Some(unit) = history.x_units().iter().find(|unit| !matches!(&unit[..], "" | "rad/s"))
+        {
+            return Err(Error::value("history", "rates in rad/s", format!("x_units \"{unit}\"")));
+        }
+        check_noise("x_noise", self.x_noise.as_deref(), 3)?;
+        check_noise("y_noise", self.y_noise.as_deref(), p)?;
+        check_noise("output_noise", self.output_noise.as_deref(), p)?;
+        self.x_bounds.as_ref().map_or(Ok(()), |bounds| check_box("x_bounds", bounds, &[3]))
+    }
+}
+
+/// Standard deviations of so many channels, or one for all.
+fn check_noise(argument: &'static str, given: Option<&[f64]>, width: usize) -> Result<(), Error> {
+    let Some(given) = given else { return Ok(()) };
+    if given.len() != 1 && given.len() != width {
+        return Err(Error::shape(argument, format!("1 or {width} numbers"), given.len()));
+    }
+    check_finite(argument, given, given.len())?;
+    match given.iter().find(|v| **v < 0.0) {
+        Some(v) => Err(Error::value(argument, "standard deviations of at least 0", v)),
+        None => Ok(()),
+    }
+}

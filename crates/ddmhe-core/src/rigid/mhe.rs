@@ -1,0 +1,291 @@
+//! The estimator of a tumbling rigid body, beside [`DdMhe`].
+
+use crate::config::Config;
+use crate::config_checks::{check_measured, check_output};
+use crate::error::Error;
+use crate::estimate::{Estimate, Log};
+use crate::history::History;
+use crate::interrupt::Interrupt;
+use crate::mhe::DdMhe;
+use crate::rigid::config::RigidConfig;
+use crate::rigid::online::{Online, blank, online};
+use crate::rigid::report::Report;
+use crate::rigid::saved::Saved;
+use crate::snapshot::{Kind, from_bytes, to_bytes};
+use ddmhe_run::Status;
+use serde::{Deserialize, Serialize};
+
+/// Score above which the affine estimator takes over, if its own is less than half, for so many
+/// samples in a row.
+const LOST: (f64, usize) = (8.0, 100);
+/// Weight of the newest sample in the affine estimator's score, and its most: the filter's.
+const AVERAGE: (f64, f64) = (0.03, 10.0);
+
+/// Estimates ω of a tumbling body that eddy currents brake, from a torque: Euler's equation is all
+/// that is known beforehand; inertia, drag and the map to the outputs are taken from the recording.
+/// Where no rigid body explains the recording, or does not any more, a [`DdMhe`] takes over.
+pub struct RigidBodyMhe {
+    history: History,
+    config: RigidConfig,
+    rigid: Box<dyn Online>,
+    fallback: DdMhe,
+    estimate: Estimate,
+    run: Judged,
+}
+
+/// How the two compare, and how far the run has come.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+struct Judged {
+    t: usize,
+    /// Mean square of the affine estimator's innovations, a moving average.
+    score: f64,
+    /// Samples in a row for which it was better.
+    worse: usize,
+}
+
+impl Judged {
+    const NEW: Self = Judged { t: 0, score: 1.0, worse: 0 };
+}
+
+impl Clone for RigidBodyMhe {
+    fn clone(&self) -> Self {
+        RigidBodyMhe {
+            history: self.history.clone(),
+            config: self.config.clone(),
+            rigid: self.rigid.copy(),
+            fallback: self.fallback.clone(),
+            estimate: self.estimate.clone(),
+            run: self.run,
+        }
+    }
+}
+
+#[derive(Serialize, Deserialize)]
+struct Snapshot {
+    history: History,
+    config: RigidConfig,
+    rigid: Saved,
+    fallback: Vec<u8>,
+    estimate: Estimate,
+    run: Judged,
+}
+
+impl RigidBodyMhe {
+    /// Fits the recording from several starts. `fallback`: what takes over; None: a [`DdMhe`] with
+    /// its defaults, this box and this noise.
+    ///
+    /// # Errors
+    /// [`Error::Shape`], [`Error::Value`] or [`Error::NotFinite`] naming the setting at fault, or for
+    /// a recording of other than three rates in rad/s and one to six outputs; as [`DdMhe::new`].
+    pub fn new(
+        history: &History,
+        config: RigidConfig,
+        fallback: Option<DdMhe>,
+    ) -> Result<Self, Error> {
+        config.check(history)?;
+        let fallback = match fallback {
+            Some(own) if (own.n(), own.p()) != (3, history.p()) || own.history().m() > 0 => {
+                let expected = format!("a DdMhe of n = 3 and p = {} without inputs", history.p());
+                let found = format!("n = {}, p = {}", own.n(), own.p());
+                return Err(Error::shape("fallback", expected, found));
+            }
+            Some(own) => own,
+            None => {
+                let (x_bounds, output_noise) =
+                    (config.x_bounds.clone(), config.output_noise.clone());
+                DdMhe::new(history, Config { x_bounds, output_noise, ..Config::default() })?
+            }
+        };
+        let rigid = online(history, &config)?;
+        let (history, estimate) = (history.clone(), Estimate::default());
+        Ok(RigidBodyMhe { history, config, rigid, fallback, estimate, run: Judged::NEW })
+    }
+
+    /// Consumes y(t-1) (p numbers, NaN = this entry was not measured) and returns the estimate of
+    /// ω(t). Its window is that one state; its cost is the squared innovation in units of its
+    /// variance.
+    ///
+    /// # Errors
+    /// [`Error::Shape`] or [`Error::NotFinite`] (infinite entry); the estimator is then unchanged.
+    pub fn step(&mut self, y: &[f64]) -> Result<&Estimate, Error> {
+        check_output(y, self.history.p())?;
+        self.advance(y)?;
+        Ok(&self.estimate)
+    }
+
+    /// All steps of a log `ys` (N·p, time-major): the same numbers as N calls of
+    /// [`step`](Self::step).
+    ///
+    /// # Errors
+    /// As [`step`](Self::step); the whole log is checked first, so a bad row leaves the estimator
+    /// unchanged.
+    pub fn run(&mut self, ys: &[f64]) -> Result<Log, Error> {
+        self.run_until(ys, &mut || false)
+    }
+
+    /// [`run`](Self::run) until `stop`, asked every 50 ms or so, is true: the log then ends with the
+    /// last step made.
+    ///
+    /// # Errors
+    /// As [`run`](Self::run).
+    pub fn run_until(&mut self, ys: &[f64], stop: &mut dyn FnMut() -> bool) -> Result<Log, Error> {
+        let p = self.history.p();
+        if !ys.len().is_multiple_of(p) {
+            return Err(Error::shape("Y", format!("a multiple of p = {p} numbers"), ys.len()));
+        }
+        check_measured("Y", ys, p)?;
+        let mut log = Log::default();
+        log.reserve(ys.len() / p, (3, p), true);
+        let mut interrupt = Interrupt::new(stop);
+        for y in ys.chunks_exact(p) {
+            if interrupt.stopped() {
+                break;
+            }
+            self.advance(y)?;
+            log.push(&self.estimate);
+        }
+        Ok(log)
+    }
+
+    /// Fits recording and all outputs since anew; whether a rigid body explains them.
+    pub fn refit(&mut self) -> bool {
+        self.rigid.refit()
+    }
+
+    /// Back to the recording's end, as a new estimator.
+    ///
+    /// # Errors
+    /// As [`DdMhe::reset`].
+    pub fn reset(&mut self) -> Result<(), Error> {
+        self.fallback.reset(None)?;
+        self.rigid.restart();
+        (self.estimate, self.run) = (Estimate::default(), Judged::NEW);
+        Ok(())
+    }
+
+    /// Number of outputs p.
+    pub fn p(&self) -> usize {
+        self.history.p()
+    }
+
+    /// Steps since the start or the last reset.
+    pub fn t(&self) -> usize {
+        self.run.t
+    }
+
+    /// The recording behind the estimator.
+    pub fn history(&self) -> &History {
+        &self.history
+    }
+
+    /// The settings that were asked for.
+    pub fn config(&self) -> &RigidConfig {
+        &self.config
+    }
+
+    /// The latest estimate (empty before the first step).
+    pub fn estimate(&self) -> &Estimate {
+        &self.estimate
+    }
+
+    /// Whether a rigid body explains the recording.
+    pub fn explained(&self) -> bool {
+        self.rigid.explained()
+    }
+
+    /// What is known of the body; None where no fit of the recording came to an end.
+    pub fn report(&self) -> Option<Report> {
+        self.rigid.report()
+    }
+
+    /// What a user should know, in words; grows while it runs.
+    pub fn warnings(&self) -> Vec<String> {
+        let why = |rest: &str| {
+            let report = self.rigid.report();
+            let first = report.and_then(|report| report.words.into_iter().next());
+            format!(
+                "{}: {rest}",
+                first.unwrap_or_else(|| "no rigid body fits the recording".into())
+            )
+        };
+        let mut words = Vec::new();
+        match (self.explained(), self.rigid.is_rigid()) {
+            (true, true) => {}
+            (true, false) => words.push(
+                "outputs do what the body of the recording does not: the affine estimator has \
+                 taken over"
+                    .into(),
+            ),
+            (false, true) => words.push(why(
+                "it is nearer than an affine motion, and goes on with more noise than was recorded",
+            )),
+            (false, false) => words.push(why("the affine estimator stands in for it")),
+        }
+        if !self.rigid.is_rigid() {
+            words.extend(self.fallback.warnings());
+        }
+        words
+    }
+
+    /// The estimator as bytes, for [`restore`](Self::restore).
+    pub fn snapshot(&self) -> Vec<u8> {
+        let snapshot = Snapshot {
+            history: self.history.clone(),
+            config: self.config.clone(),
+            rigid: self.rigid.saved(),
+            fallback: self.fallback.snapshot(),
+            estimate: self.estimate.clone(),
+            run: self.run,
+        };
+        to_bytes(Kind::RigidBody, &snapshot)
+    }
+
+    /// The estimator that [`snapshot`](Self::snapshot) saved; its next steps give the same numbers.
+    /// The recording is fitted again.
+    ///
+    /// # Errors
+    /// As [`from_bytes`], and for content that no estimator has.
+    pub fn restore(blob: &[u8]) -> Result<Self, Error> {
+        let snapshot: Snapshot = from_bytes(Kind::RigidBody, blob)?;
+        let history = snapshot.history.revalidated()?;
+        let fallback = DdMhe::restore(&snapshot.fallback)?;
+        let mut own = RigidBodyMhe::new(&history, snapshot.config, Some(fallback))?;
+        own.rigid.resume(&snapshot.rigid)?;
+        if !snapshot.estimate.fits(3, history.p()) {
+            return Err(Error::value("blob", "an estimate of three rates", "one of other sizes"));
+        }
+        (own.estimate, own.run) = (snapshot.estimate, snapshot.run);
+        Ok(own)
+    }
+
+    /// One step on checked input.
+    fn advance(&mut self, y: &[f64]) -> Result<(), Error> {
+        let affine = self.fallback.step(y)?;
+        let squares = affine.evidence.iter().flat_map(|own| {
+            let variances = own.innovation.iter().zip(&own.innovation_variance);
+            variances.map(|(v, variance)| v * v / variance).filter(|v| v.is_finite())
+        });
+        let (sum, count) = squares.fold((0.0, 0.0), |(sum, count), v| (sum + v, count + 1.0));
+        if count > 0.0 {
+            self.run.score += AVERAGE.0 * (f64::min(sum / count, AVERAGE.1) - self.run.score);
+        }
+        self.run.t += 1;
+        if self.rigid.is_rigid() {
+            if self.estimate.x.is_empty() {
+                self.estimate = blank(self.history.p());
+            }
+            let own = self.rigid.score();
+            let worse = own > LOST.0 && own > 2.0 * self.run.score;
+            self.run.worse = if worse { self.run.worse + 1 } else { 0 };
+            if self.run.worse <= LOST.1 && self.rigid.advance(y, &mut self.estimate) {
+                return Ok(());
+            }
+            self.rigid.give_up();
+        }
+        self.estimate.clone_from(self.fallback.estimate());
+        if self.estimate.status != Status::Failed {
+            self.estimate.status = Status::Affine;
+        }
+        Ok(())
+    }
+}

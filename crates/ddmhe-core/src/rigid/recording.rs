@@ -1,0 +1,188 @@
+//! What the fits are made of: one recording with p outputs, its noise, and where they begin.
+
+use crate::error::Error;
+use crate::history::History;
+use crate::rigid::affine::Affine;
+use crate::rigid::config::RigidConfig;
+use crate::variation::{least_squares, noise_levels};
+use ddmhe_run::rigid::layout::{DRAG, DRAG_CUBIC, GAIN, INERTIA, TILT, offset, output_cubic};
+use ddmhe_run::rigid::motion::Steps;
+use ddmhe_run::rigid::{Body, Data};
+use faer::Mat;
+
+/// Largest angle that a substep turns by (rad).
+const TURN: f64 = 0.08;
+/// Faster than so many times the recording's W a motion runs away.
+const RUNS_AWAY: f64 = 30.0;
+/// Least noise, relative to a signal's size: it stands in for a recording without any.
+const LEAST_NOISE: f64 = 1e-6;
+/// Prior standard deviations: of j; of β; of S, in units of W; of G and C, of (size of y)/W; of r, of
+/// the size of y; of γ.
+const SPREAD: [f64; 6] = [0.35, 1.0, 0.3, 10.0, 0.1, 0.5];
+/// Two draws of j from a standard normal distribution, from which fits begin, too.
+const DRAWS: [[f64; 5]; 2] = [
+    [
+        -0.623_274_462_537_352_2,
+        0.041_325_979_347_243_6,
+        -2.325_030_774_638_834_3,
+        -0.218_791_663_932_545_73,
+        -1.245_910_947_253_065_2,
+    ],
+    [
+        -0.128_534_662_944_034_26,
+        1.366_463_470_549_685_9,
+        -0.665_194_673_486_613_5,
+        0.351_510_070_093_019_7,
+        0.903_470_181_651_808_6,
+    ],
+];
+
+/// One recording.
+#[derive(Debug, Clone)]
+pub(crate) struct Recording<const P: usize> {
+    pub x: Vec<[f64; 3]>,
+    pub y: Vec<[f64; P]>,
+    pub dt: f64,
+    /// Root-mean-square rate W, and size of the outputs.
+    pub W: f64,
+    pub size: f64,
+    /// Largest recorded |ω|.
+    pub fastest: f64,
+    pub of_x: [f64; 3],
+    pub of_y: [f64; P],
+    pub of_later: [f64; P],
+    pub known: bool,
+    /// Affine least squares: y = C ω + r (p × 4, with r as the last column), ω̇ (3 × 4).
+    seen: Mat<f64>,
+    moved: Mat<f64>,
+}
+
+impl<const P: usize> Recording<P> {
+    /// Of a checked recording of three rates and P outputs.
+    pub fn new(history: &History, config: &RigidConfig) -> Result<Self, Error> {
+        let rows = |v: &[f64]| v.as_chunks::<3>().0.to_vec();
+        let (x, y) = (rows(history.states(0)), history.outputs(0).as_chunks::<P>().0.to_vec());
+        let squares: Vec<f64> = x.iter().map(|w| w.iter().map(|v| v * v).sum()).collect();
+        let W = (squares.iter().sum::<f64>() / x.len() as f64).sqrt();
+        let fastest = squares.iter().copied().fold(0.0, f64::max).sqrt();
+        let size =
+            (y.as_flattened().iter().map(|v| v * v).sum::<f64>() / (P * y.len()) as f64).sqrt();
+        for (argument, size) in [("x", W), ("y", size)] {
+            if !(size.is_finite() && size > 0.0) {
+                return Err(Error::value(argument, "a body that turns", "nothing but zeros"));
+            }
+        }
+        let (recorded_x, recorded_y) = noise_levels(history);
+        let mut of_x = [0.0; 3];
+        fill(&mut of_x, config.x_noise.as_deref(), &recorded_x, LEAST_NOISE * W);
+        let (mut of_y, mut of_later) = ([0.0; P], [0.0; P]);
+        fill(&mut of_y, config.y_noise.as_deref(), &recorded_y, LEAST_NOISE * size);
+        fill(&mut of_later, config.output_noise.as_deref(), &of_y, LEAST_NOISE * size);
+        let (dt, T) = (history.dt(), y.len());
+        let regressors = Mat::from_fn(T, 4, |k, i| if i < 3 { x[k][i] } else { 1.0 });
+        let outputs = Mat::from_fn(T, P, |k, i| y[k][i]);
+        let rates = Mat::from_fn(T, 3, |k, i| (x[k + 1][i] - x[k][i]) / dt);
+        let seen = least_squares(&regressors, &outputs, 0.0).transpose().to_owned();
+        let moved = least_squares(&regressors, &rates, 0.0).transpose().to_owned();
+        let known = config.x_noise.is_some() && config.y_noise.is_some();
+        Ok(Recording { x, y, dt, W, size, fastest, of_x, of_y, of_later, known, seen, moved })
+    }
+
+    /// The recording alone, its noise at least so many times its signals.
+    pub fn data(&self, blurred: f64) -> Data<'_, P> {
+        Data {
+            x: &self.x,
+            y: &self.y,
+            later: &[],
+            of_x: self.of_x.map(|v| v.max(blurred * self.W)),
+            of_y: self.of_y.map(|v| v.max(blurred * self.size)),
+            of_later: self.of_later,
+        }
+    }
+
+    /// Runge and Kutta's rule, in substeps.
+    pub fn steps(&self) -> Steps {
+        let substeps = (self.dt * self.fastest / TURN).ceil().max(1.0) as usize;
+        Steps { dt: self.dt, substeps, limit: RUNS_AWAY * self.W }
+    }
+
+    /// A body and where its fit begins: the unseen direction is one that the least-squares C shows
+    /// little of, J the sphere's or drawn.
+    pub fn body<const N: usize>(&self, trial: usize, cubic: bool) -> (Body<P, N>, [f64; N]) {
+        let C = self.seen.as_ref().subcols(0, 3);
+        let b0 = self.little_seen(trial % 4);
+        let N0 = complement(&b0);
+        let (W, size) = (self.W, self.size);
+        let [j, beta, S, G, r, gamma] = SPREAD;
+        let mut spread = [1.0; N];
+        spread[INERTIA..TILT].fill(j);
+        spread[TILT..DRAG].fill(beta);
+        spread[DRAG..DRAG_CUBIC].fill(S * W);
+        spread[DRAG_CUBIC] = gamma;
+        spread[GAIN..offset(P)].fill(G * size / W);
+        spread[offset(P)..output_cubic(P)].fill(r * size);
+        spread[output_cubic(P)] = gamma;
+        let mut z = [0.0; N];
+        z[..3].copy_from_slice(&self.x[0]);
+        if trial == 2 || trial == 4 {
+            let draw = &DRAWS[trial / 2 - 1];
+            z[INERTIA..TILT].iter_mut().zip(draw).for_each(|(z, v)| *z = j * v);
+        }
+        for i in 0..P {
+            for k in 0..2 {
+                z[GAIN + 2 * i + k] = (0..3).map(|l| C[(i, l)] * N0[l][k]).sum();
+            }
+        }
+        (Body { b0, N0, W, steps: self.steps(), cubic, spread }, z)
+    }
+
+    /// Of C's right singular vectors the last, the second, and the two between them.
+    fn little_seen(&self, choice: usize) -> [f64; 3] {
+        let C = self.seen.as_ref().subcols(0, 3);
+        let Ok(svd) = C.svd() else { return [0.0, 0.0, 1.0] };
+        let of = |k: usize| [0, 1, 2].map(|i| svd.V()[(i, k)]);
+        let (second, last) = (of(1), of(2));
+        let [a, b] = [[0.0, 1.0], [1.0, 0.0], [1.0, 1.0], [-1.0, 1.0]][choice];
+        let length = f64::hypot(a, b);
+        [0, 1, 2].map(|i| (a * second[i] + b * last[i]) / length)
+    }
+
+    /// The affine motion and where its fit begins.
+    pub fn affine<const N: usize>(&self) -> (Affine<P, N>, [f64; N]) {
+        let (mut spread, mut z) = ([1.0; N], [0.0; N]);
+        z[..3].copy_from_slice(&self.x[0]);
+        for i in 0..3 {
+            for k in 0..4 {
+                z[3 + 4 * i + k] = self.moved[(i, k)];
+                spread[3 + 4 * i + k] = if k < 3 { self.W } else { self.W * self.W };
+            }
+        }
+        for i in 0..P {
+            (0..3).for_each(|k| z[15 + 3 * i + k] = self.seen[(i, k)]);
+            z[15 + 3 * P + i] = self.seen[(i, 3)];
+        }
+        spread[15..15 + 3 * P].fill(SPREAD[3] * self.size / self.W);
+        spread[15 + 3 * P..].fill(self.size);
+        (Affine { steps: self.steps(), spread }, z)
+    }
+}
+
+/// What was stated of each channel, else what was recorded; at least so much.
+fn fill(to: &mut [f64], stated: Option<&[f64]>, recorded: &[f64], least: f64) {
+    for (i, to) in to.iter_mut().enumerate() {
+        let level = match stated {
+            Some([one]) => *one,
+            Some(each) => each[i],
+            None => recorded[i],
+        };
+        *to = level.max(least);
+    }
+}
+
+/// Two directions that make an orthonormal basis with b, by the reflection that takes b to an axis.
+fn complement(b: &[f64; 3]) -> [[f64; 2]; 3] {
+    let beta = if b[0] > 0.0 { -1.0 } else { 1.0 };
+    let v = [1.0, b[1] / (b[0] - beta), b[2] / (b[0] - beta)];
+    let tau = 2.0 / (1.0 + v[1] * v[1] + v[2] * v[2]);
+    [0, 1, 2].map(|i| [1, 2].map(|k| f64::from(u8::from(i == k)) - tau * v[i] * v[k]))
+}

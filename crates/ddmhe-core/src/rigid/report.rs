@@ -1,0 +1,122 @@
+//! What the estimator says of the body.
+
+use ddmhe_run::rigid::layout::{INERTIA, TILT};
+use ddmhe_run::rigid::small::{along_basis, inertia};
+use ddmhe_run::rigid::{Body, Filter, Posterior};
+
+/// One optimum of the fit.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Optimum {
+    /// Σ|x - ω|²/σx² + Σ|y - ŷ|²/σy² + |θ/sd|².
+    pub cost: f64,
+    /// log of the probability of the data, but for a constant of them.
+    pub evidence: f64,
+    /// J, trace 3 (3 × 3, by rows).
+    pub inertia: [[f64; 3]; 3],
+    /// Whether drag and output have a cubic part.
+    pub cubic: bool,
+}
+
+/// What the estimator says of the body, as of now.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Report {
+    /// Mean squares of the latest fit's residuals in units of their noise: of states, of outputs,
+    /// and of both in means over ten samples.
+    pub chi: [f64; 4],
+    /// What each is below where the motion explains the data.
+    pub limits: [f64; 4],
+    /// log of the probability of the latest fit's data, but for a constant of them.
+    pub evidence: f64,
+    /// The optima that are kept, the best first.
+    pub optima: Vec<Optimum>,
+    /// J, trace 3 (3 × 3): its scale cannot be seen.
+    pub inertia: [[f64; 3]; 3],
+    /// Standard deviations of its entries.
+    pub inertia_std: [[f64; 3]; 3],
+    /// The direction about which a turn shows in no output and is not braked, of length 1.
+    pub unseen: [f64; 3],
+    /// All of it in sentences.
+    pub words: Vec<String>,
+}
+
+impl Report {
+    /// Of a fit, and of the filter where one goes on from it.
+    pub(crate) fn of<const P: usize, const N: usize>(
+        best: &Posterior<Body<P, N>, N>,
+        filter: Option<&Filter<P, N>>,
+        optima: &[Option<Posterior<Body<P, N>, N>>],
+        known: bool,
+    ) -> Self {
+        let (z, covariance) = filter.map_or((&best.z, &best.P), |filter| (&filter.z, &filter.P));
+        let b = best.motion.unseen(z);
+        let length = b.iter().map(|v| v * v).sum::<f64>().sqrt();
+        let optimum = |f: &Posterior<Body<P, N>, N>| Optimum {
+            cost: f.cost,
+            evidence: f.evidence,
+            inertia: inertia(&f.z[INERTIA..TILT]),
+            cubic: f.motion.cubic,
+        };
+        let mut report = Report {
+            chi: best.misfit.chi,
+            limits: best.misfit.limits(known),
+            evidence: best.evidence,
+            optima: optima.iter().flatten().map(optimum).collect(),
+            inertia: inertia(&z[INERTIA..TILT]),
+            inertia_std: inertia_std(covariance),
+            unseen: b.map(|v| v / length),
+            words: Vec::new(),
+        };
+        report.words = report.sentences(best.misfit.explained(known), best.motion.cubic);
+        report
+    }
+
+    fn sentences(&self, explained: bool, cubic: bool) -> Vec<String> {
+        let parts = ["rates", "outputs", "rates over ten samples", "outputs over ten samples"];
+        let above = (0..4).filter(|&i| self.chi[i] >= self.limits[i]);
+        let above: Vec<String> = above
+            .map(|i| format!("{} {:.2} (limit {:.2})", parts[i], self.chi[i], self.limits[i]))
+            .collect();
+        let body = if cubic { "a rigid body with cubic drag" } else { "a rigid body" };
+        let first = match explained {
+            true => format!(
+                "{body} explains the data: residuals are {:.2} (rates) and {:.2} (outputs) times \
+                 their noise, squared",
+                self.chi[0], self.chi[1]
+            ),
+            false => format!(
+                "no rigid body explains the data; the nearest leaves, squared and in units of \
+                 their noise: {}",
+                above.join(", ")
+            ),
+        };
+        let [x, y, z] = self.unseen;
+        vec![
+            first,
+            format!(
+                "a turn about ({x:.3}, {y:.3}, {z:.3}) shows in no output: nothing can tell an \
+                 error along it but the motion, if the body is rigid"
+            ),
+        ]
+    }
+}
+
+/// Standard deviations of J's entries, which are linear in j.
+fn inertia_std<const N: usize>(P: &[[f64; N]; N]) -> [[f64; 3]; 3] {
+    let columns = [0, 1, 2].map(|i| {
+        let mut unit = [0.0; 3];
+        unit[i] = 1.0;
+        along_basis(&unit)
+    });
+    [0, 1, 2].map(|i| {
+        [0, 1, 2].map(|k| {
+            let entry = |j: usize| columns[k][j][i];
+            let sum = |a: usize, b: usize| entry(a) * entry(b) * P[INERTIA + a][INERTIA + b];
+            (0..5)
+                .flat_map(|a| (0..5).map(move |b| (a, b)))
+                .map(|(a, b)| sum(a, b))
+                .sum::<f64>()
+                .max(0.0)
+                .sqrt()
+        })
+    })
+}

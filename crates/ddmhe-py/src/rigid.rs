@@ -1,0 +1,354 @@
+//! `ddmhe.RigidBodyMhe`.
+
+use crate::convert::{
+    DdmheError, Numbers, ShapeError, array1, array2, bounds, raise, text, writable,
+};
+use crate::estimate::Estimate;
+use crate::exclusive::Exclusive;
+use crate::frames::Clock;
+use crate::history::History;
+use crate::log::Log;
+use crate::mhe::DdMhe;
+use crate::pickle::{Made, bytes, made};
+use crate::signals::Signals;
+use ddmhe_core::rigid::{Refits, Report, RigidConfig};
+use numpy::{Ix1, Ix2, PyArray1, PyArray2};
+use pyo3::prelude::*;
+use pyo3::types::{PyBytes, PySlice, PyType};
+use std::sync::MutexGuard;
+
+/// The rates of a tumbling rigid body that eddy currents brake, from a torque.
+///
+/// Euler's equation is all that is known beforehand: inertia, drag and the map to the outputs are
+/// fitted to the recording, and refined by what is measured after it. The estimate holds where the
+/// motion has left the recording. Where no rigid body explains the recording, a DdMhe estimates in
+/// its place.
+///
+/// Parameters
+/// ----------
+/// history : History
+///     One recording of three rates (rad/s, about axes fixed in the body) and one to six outputs,
+///     of at least 100 samples, without inputs.
+/// x_noise : float or array (3,), optional
+///     Standard deviation of the noise on recorded rates; None: as fifth differences show.
+/// y_noise : float or array (p,), optional
+///     The same of recorded outputs.
+/// output_noise : float or array (p,), optional
+///     Of later outputs; None: as on recorded ones.
+/// x_bounds : (lo, hi), optional
+///     Box on the rates; each side a scalar or (3,).
+/// fallback : DdMhe, optional
+///     What estimates where no rigid body does, as it stands; None: one with its defaults, this box
+///     and this noise.
+/// refit : "now" | "sliced" | "manual"
+///     When the motion is fitted anew to recording and all outputs since, which is due .25, .35, .5,
+///     .7, 1, 1.4, 2, 2.8, 4, 8, 16 and 32 lengths of the recording behind its end. "now": in the
+///     steps that it is due in, which take some 10 ms to some 100 ms. "sliced": a little with each
+///     step, while the filter goes on; fits then come later and are fewer, and errors larger.
+///     "manual": when refit is called.
+///
+/// Raises
+/// ------
+/// ShapeError, NotFiniteError, RankError, DdmheError
+///     One clear error naming the argument.
+#[pyclass(module = "ddmhe", frozen, name = "RigidBodyMhe")]
+pub struct RigidBodyMhe {
+    core: Exclusive<ddmhe_core::RigidBodyMhe>,
+}
+
+impl RigidBodyMhe {
+    fn of(core: ddmhe_core::RigidBodyMhe) -> Self {
+        RigidBodyMhe { core: Exclusive::new(core) }
+    }
+
+    fn core(&self) -> PyResult<MutexGuard<'_, ddmhe_core::RigidBodyMhe>> {
+        self.core.get("an estimator")
+    }
+}
+
+/// Of estimates that follow so many steps.
+fn clock(core: &ddmhe_core::RigidBodyMhe, before: usize) -> Clock {
+    Clock { before, dt: core.history().dt() }
+}
+
+/// A number, or several.
+fn levels(argument: &str, given: Option<&Bound<'_, PyAny>>) -> PyResult<Option<Vec<f64>>> {
+    let Some(given) = given else { return Ok(None) };
+    let numbers = Numbers::from(argument, given)?;
+    let count = numbers.data.len();
+    numbers.into_vector(argument, count).map(Some)
+}
+
+fn refits(given: &Bound<'_, PyAny>) -> PyResult<Refits> {
+    match &text("refit", given)?[..] {
+        "sliced" => Ok(Refits::Sliced),
+        "now" => Ok(Refits::Now),
+        "manual" => Ok(Refits::Manual),
+        other => Err(DdmheError::new_err(format!(
+            "refit: expected \"now\", \"sliced\" or \"manual\", found \"{other}\""
+        ))),
+    }
+}
+
+#[pymethods]
+impl RigidBodyMhe {
+    #[new]
+    #[pyo3(
+        signature = (history, *, x_noise=None, y_noise=None, output_noise=None, x_bounds=None,
+            fallback=None, refit=None),
+        text_signature = "(history, *, x_noise=None, y_noise=None, output_noise=None, \
+            x_bounds=None, fallback=None, refit='now')"
+    )]
+    #[allow(clippy::too_many_arguments)] // as many as users see
+    fn new(
+        history: &Bound<'_, PyAny>,
+        x_noise: Option<&Bound<'_, PyAny>>,
+        y_noise: Option<&Bound<'_, PyAny>>,
+        output_noise: Option<&Bound<'_, PyAny>>,
+        x_bounds: Option<&Bound<'_, PyAny>>,
+        fallback: Option<&Bound<'_, DdMhe>>,
+        refit: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<Self> {
+        let py = history.py();
+        let history = History::cast("history", history)?;
+        let config = RigidConfig {
+            x_noise: levels("x_noise", x_noise)?,
+            y_noise: levels("y_noise", y_noise)?,
+            output_noise: levels("output_noise", output_noise)?,
+            x_bounds: x_bounds.map(|v| bounds("x_bounds", v, 3, None)).transpose()?,
+            refit: refit.map(refits).transpose()?.unwrap_or_default(),
+        };
+        let fallback = fallback.map(|own| Ok::<_, PyErr>(own.get().core()?.clone())).transpose()?;
+        let made = || ddmhe_core::RigidBodyMhe::new(&history.core, config, fallback);
+        Ok(RigidBodyMhe::of(py.detach(made).map_err(raise)?))
+    }
+
+    /// Consume y(t-1) and estimate the rates at t, at step number t.
+    ///
+    /// y_t : array (p,), NaN where this entry was not measured.
+    /// out : float64 array (3,), optional. It receives the rates and is returned in the place of an
+    ///     Estimate; all else about the step is in `estimate`.
+    #[pyo3(signature = (y_t, *, out=None))]
+    fn step<'py>(
+        &self,
+        py: Python<'py>,
+        y_t: &Bound<'py, PyAny>,
+        out: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let mut core = self.core()?;
+        let core = &mut *core;
+        let p = core.p();
+        out.map(|out| writable::<Ix1>("out", out, &[3])).transpose()?;
+        let clock = clock(core, core.t());
+        let y = Numbers::measured("y_t", y_t)?.into_vector("y_t", p)?;
+        let estimate = py.detach(|| core.step(&y)).map_err(raise)?;
+        let Some(out) = out else {
+            return Ok(Bound::new(py, Estimate::new(estimate, 3, p, clock))?.into_any());
+        };
+        writable::<Ix1>("out", out, &[3])?.as_slice_mut()?.copy_from_slice(&estimate.x);
+        Ok(out.clone())
+    }
+
+    /// Estimate over a whole log Y (N, p), with the GIL released: the same numbers as N calls of
+    /// step.
+    ///
+    /// out : float64 array (N, 3), optional. It receives the rates and is the Log's x.
+    ///
+    /// A KeyboardInterrupt ends the run as in DdMhe.run.
+    #[pyo3(signature = (Y, *, out=None))]
+    #[allow(non_snake_case)]
+    fn run(
+        &self,
+        py: Python<'_>,
+        Y: &Bound<'_, PyAny>,
+        out: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<Log> {
+        let (data, rows, columns) = Numbers::measured("Y", Y)?.into_matrix("Y", "(N, p)")?;
+        let mut core = self.core()?;
+        let core = &mut *core;
+        let p = core.p();
+        if columns != p {
+            return Err(ShapeError::new_err(format!("Y: expected {p} columns, found {columns}")));
+        }
+        let room = out.map(|out| writable::<Ix2>("out", out, &[rows, 3])).transpose()?;
+        let mut signals = Signals::default();
+        let clock = clock(core, core.t());
+        let log = py.detach(|| core.run_until(&data, &mut || signals.raised())).map_err(raise)?;
+        let made = log.status.len();
+        let x = match (out, room) {
+            (Some(out), Some(mut room)) => {
+                room.as_slice_mut()?[..made * 3].copy_from_slice(&log.x);
+                let x = match made == rows {
+                    true => out.clone(),
+                    false => out.get_item(PySlice::new(py, 0, made as isize, 1))?,
+                };
+                Some(x.cast_into::<PyArray2<f64>>()?)
+            }
+            _ => None,
+        };
+        let log = Log::new(py, log, (3, p), false, x, clock)?;
+        signals.outcome(py, log, &format!("{made} of {rows} steps were made"))
+    }
+
+    /// Fit the motion anew to recording and all outputs since; whether a rigid body explains them.
+    fn refit(&self, py: Python<'_>) -> PyResult<bool> {
+        let mut core = self.core()?;
+        let core = &mut *core;
+        Ok(py.detach(|| core.refit()))
+    }
+
+    /// Back to the recording's end, as constructed.
+    fn reset(&self) -> PyResult<()> {
+        self.core()?.reset().map_err(raise)
+    }
+
+    /// The estimator with its recording as bytes; see restore.
+    fn snapshot<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyBytes>> {
+        Ok(PyBytes::new(py, &self.core()?.snapshot()))
+    }
+
+    /// The estimator that snapshot saved; its next steps give the same numbers. The recording is
+    /// fitted again.
+    #[staticmethod]
+    fn restore(blob: &Bound<'_, PyAny>) -> PyResult<Self> {
+        Ok(RigidBodyMhe::of(ddmhe_core::RigidBodyMhe::restore(bytes(blob)?).map_err(raise)?))
+    }
+
+    /// A copy that continues on its own.
+    fn __copy__(&self) -> PyResult<Self> {
+        Ok(RigidBodyMhe::of(self.core()?.clone()))
+    }
+
+    fn __deepcopy__(&self, _memo: &Bound<'_, PyAny>) -> PyResult<Self> {
+        self.__copy__()
+    }
+
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Made<'py>> {
+        made::<Self>(py, "_restore", &self.core()?.snapshot())
+    }
+
+    /// restore as a class method, which pickle can name.
+    #[classmethod]
+    fn _restore(_cls: &Bound<'_, PyType>, blob: &Bound<'_, PyAny>) -> PyResult<Self> {
+        Self::restore(blob)
+    }
+
+    /// The latest step's Estimate; None before the first.
+    #[getter]
+    fn estimate(&self) -> PyResult<Option<Estimate>> {
+        let core = self.core()?;
+        let estimate = core.estimate();
+        let clock = clock(&core, core.t().saturating_sub(1));
+        Ok((!estimate.x.is_empty()).then(|| Estimate::new(estimate, 3, core.p(), clock)))
+    }
+
+    /// Whether a rigid body explains the recording.
+    #[getter]
+    fn explained(&self) -> PyResult<bool> {
+        Ok(self.core()?.explained())
+    }
+
+    /// What is known of the body as of now, a RigidBodyReport; None where no fit of the recording
+    /// came to an end.
+    fn report(&self) -> PyResult<Option<RigidBodyReport>> {
+        Ok(self.core()?.report().map(|core| RigidBodyReport { core }))
+    }
+
+    /// Number of states, 3.
+    #[getter]
+    fn n(&self) -> usize {
+        3
+    }
+
+    /// Number of outputs.
+    #[getter]
+    fn p(&self) -> PyResult<usize> {
+        Ok(self.core()?.p())
+    }
+
+    /// Steps since the start or the last reset.
+    #[getter]
+    fn t(&self) -> PyResult<usize> {
+        Ok(self.core()?.t())
+    }
+
+    /// What to know about the recording and this run, in words.
+    #[getter]
+    fn warnings(&self) -> PyResult<Vec<String>> {
+        Ok(self.core()?.warnings())
+    }
+
+    fn __repr__(&self) -> String {
+        let Ok(core) = self.core() else { return "RigidBodyMhe(at work in another call)".into() };
+        let explained = if core.explained() { "True" } else { "False" };
+        format!("RigidBodyMhe(p={}, explained={explained}, t={})", core.p(), core.t())
+    }
+}
+
+/// What is known of a rigid body. Arrays are made when they are asked for.
+#[pyclass(module = "ddmhe", frozen, name = "RigidBodyReport")]
+pub struct RigidBodyReport {
+    core: Report,
+}
+
+fn matrix<'py>(py: Python<'py>, A: &[[f64; 3]; 3]) -> PyResult<Bound<'py, PyArray2<f64>>> {
+    array2(py, A.as_flattened().to_vec(), 3)
+}
+
+#[pymethods]
+impl RigidBodyReport {
+    /// Mean squares of the latest fit's residuals in units of their noise (4,): of rates, of
+    /// outputs, and of both in means over ten samples.
+    #[getter]
+    fn chi<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        array1(py, &self.core.chi)
+    }
+
+    /// What each of them is below where the motion explains the data (4,).
+    #[getter]
+    fn limits<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        array1(py, &self.core.limits)
+    }
+
+    /// Log of the probability of the latest fit's data, but for a constant of them.
+    #[getter]
+    fn evidence(&self) -> f64 {
+        self.core.evidence
+    }
+
+    /// The optima that are kept, the best first: (cost, evidence, inertia (3, 3)) of each.
+    #[getter]
+    #[allow(clippy::type_complexity)]
+    fn optima<'py>(&self, py: Python<'py>) -> PyResult<Vec<(f64, f64, Bound<'py, PyArray2<f64>>)>> {
+        let own = self.core.optima.iter();
+        own.map(|o| Ok((o.cost, o.evidence, matrix(py, &o.inertia)?))).collect()
+    }
+
+    /// Inertia (3, 3) of trace 3: its scale cannot be seen.
+    #[getter]
+    fn inertia<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        matrix(py, &self.core.inertia)
+    }
+
+    /// Standard deviations of its entries (3, 3).
+    #[getter]
+    fn inertia_std<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        matrix(py, &self.core.inertia_std)
+    }
+
+    /// The direction (3,) about which a turn shows in no output.
+    #[getter]
+    fn unseen<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        array1(py, &self.core.unseen)
+    }
+
+    /// All of it in sentences.
+    #[getter]
+    fn words(&self) -> Vec<String> {
+        self.core.words.clone()
+    }
+
+    fn __repr__(&self) -> String {
+        format!("RigidBodyReport({})", self.core.words.join("; "))
+    }
+}

@@ -1,0 +1,49 @@
+//! A tumbling rigid body that is braked by eddy currents, estimated from a torque: Euler's equation
+//! is all that is known beforehand, everything else is taken from the recording.
+//!
+//! # The motion
+//! > J ω̇ = -g N S Nᵀ ω - ω × J ω,  y = g G Nᵀ ω + r,  N = N0 - b0 βᵀ
+//!
+//! Drag and torque share their kernel b = b0 + N0 β: Nᵀb = 0 for every β. g is 1, or with a cubic
+//! part 1 + γ |ω|²/W². The scale of J cannot be seen: tr J = 3.
+//!
+//! | symbol | identifier | shape | unit |
+//! |---|---|---|---|
+//! | ω | `w` | 3 | rad/s |
+//! | z = (ω, θ), θ = (j, β, S, γ, G, r, γ) | `z`, see [`layout`] | N = 15 + 3 p | |
+//! | J = I + Σ j_k E_k | [`small::inertia`] | 3 × 3 | none |
+//! | b0, N0 | [`Body`] | 3, 3 × 2 | none |
+//! | sd: the prior of θ is N(0, sd²) | [`Body::spread`] | N | |
+//! | W: rms of the recorded ω | [`Body::W`] | | rad/s |
+//! | P | [`Filter::P`] | N × N | |
+//! | χ of states, outputs, and of both in means over ten | [`Misfit`] | 4 | none |
+//! | R, q: stacked whitened Jacobian and residual | [`factor::Factor`] | N × N, N | |
+//!
+//! # A tour
+//! [`motion`] (samples, with their derivatives) ← [`body`] · [`pass`] (the cost of z over all data,
+//! and its [`factor`]) → [`fit`] (Levenberg and Marquardt) → [`posterior`] → [`filter`] (one sample,
+//! from there on) · [`anchoring`] (fits to all data since) → [`stepper`] (both together).
+//!
+//! All of it has a fixed size, and nothing is allocated. The number of outputs p is the constant P,
+//! 1 to 6, and N the number of unknowns, [`layout::unknowns`]`(P)`.
+
+pub mod anchoring;
+pub mod body;
+pub mod factor;
+pub mod filter;
+pub mod fit;
+pub mod layout;
+pub mod motion;
+pub mod pass;
+pub mod posterior;
+pub mod small;
+pub mod stepper;
+
+pub use anchoring::Anchoring;
+pub use body::Body;
+pub use filter::{Filter, Innovation, Limits};
+pub use fit::Fit;
+pub use motion::Motion;
+pub use pass::Data;
+pub use posterior::{Misfit, Posterior};
+pub use stepper::{Refit, Stepper};

@@ -1,0 +1,192 @@
+//! The motion fitted anew to recording and all outputs since, from where the filter stands and from
+//! each optimum that was kept, in slices.
+
+use crate::rigid::body::Body;
+use crate::rigid::fit::Fit;
+use crate::rigid::layout::offset;
+use crate::rigid::motion::Motion;
+use crate::rigid::pass::Data;
+use crate::rigid::posterior::Posterior;
+
+/// Optima that are kept.
+pub const OPTIMA: usize = 4;
+/// Steps of a fit online.
+const STEPS: usize = 40;
+/// Costs that differ by less are of one optimum.
+pub const SAME: f64 = 0.1;
+/// An optimum is kept whose cost exceeds the least by less than this.
+const KEPT: f64 = 30.0;
+/// What Euler's forward rule is to gain before it is believed: a simulation, not a body.
+pub const EULER: f64 = 6.0;
+/// An offset that is free, relative to the size of the outputs; one that is not, to their noise.
+pub const OFFSET: f64 = 0.1;
+
+/// Optima, the best first.
+pub type Optima<const P: usize, const N: usize> = [Option<Posterior<Body<P, N>, N>>; OPTIMA];
+
+/// What is being fitted.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Stage {
+    /// Starts one after the other.
+    Starts(usize),
+    /// The best with a cubic part.
+    Cubic,
+    /// The best with the other prior on offsets.
+    Offset,
+    /// Nothing.
+    Ended,
+}
+
+/// Fits as far as they have come.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Anchoring<const P: usize, const N: usize> {
+    starts: [Option<(Body<P, N>, [f64; N])>; OPTIMA + 1],
+    found: [Option<Posterior<Body<P, N>, N>>; OPTIMA + 1],
+    fit: Fit<Body<P, N>, P, N>,
+    stage: Stage,
+    /// Root-mean-square size of the recorded outputs.
+    size: f64,
+    /// Whether the noise was stated, not read off the recording.
+    known: bool,
+}
+
+impl<const P: usize, const N: usize> Anchoring<P, N> {
+    /// Of the outputs before number `end`, from up to five starts.
+    pub fn new(
+        starts: impl Iterator<Item = (Body<P, N>, [f64; N])>,
+        end: usize,
+        (size, known): (f64, bool),
+    ) -> Option<Self> {
+        let mut own = [const { None }; OPTIMA + 1];
+        own.iter_mut().zip(starts).for_each(|(own, start)| *own = Some(start));
+        let (body, z) = own[0]?;
+        Some(Anchoring {
+            fit: Fit::new(&body, &z, end, STEPS),
+            starts: own,
+            found: [const { None }; OPTIMA + 1],
+            stage: Stage::Starts(0),
+            size,
+            known,
+        })
+    }
+
+    /// Where the fits begin.
+    pub fn starts(&self) -> impl Iterator<Item = &(Body<P, N>, [f64; N])> {
+        self.starts.iter().flatten()
+    }
+
+    /// How many outputs the fits are of.
+    pub fn end(&self) -> usize {
+        self.fit.end()
+    }
+
+    /// As much work as a pass has with so many samples; whether all fits have ended.
+    pub fn advance(&mut self, data: &Data<'_, P>, samples: usize) -> bool {
+        if self.stage != Stage::Ended && self.fit.advance(data, samples) {
+            self.take(data);
+        }
+        self.stage == Stage::Ended
+    }
+
+    /// The optima, if the best of them explains all data.
+    pub fn optima(&self) -> Option<Optima<P, N>> {
+        let best = self.found[0].as_ref().filter(|best| best.misfit.explained(self.known))?;
+        let mut kept = [const { None }; OPTIMA];
+        let near = self.found.iter().flatten().filter(|f| f.cost < best.cost + KEPT);
+        kept.iter_mut().zip(near).for_each(|(kept, found)| *kept = Some(*found));
+        Some(kept)
+    }
+
+    /// Takes up an ended fit, and begins the next.
+    fn take(&mut self, data: &Data<'_, P>) {
+        let found = self.fit.posterior();
+        match self.stage {
+            Stage::Starts(i) => {
+                self.keep(found);
+                let next = i + 1;
+                if let Some((body, z)) = self.starts.get(next).copied().flatten() {
+                    (self.stage, self.fit) = (Stage::Starts(next), self.of(&body, &z));
+                    return;
+                }
+                self.found.sort_unstable_by(|a, b| rank(a).total_cmp(&rank(b)));
+                self.judge(data);
+            }
+            Stage::Cubic => {
+                self.found = [const { None }; OPTIMA + 1];
+                self.found[0] = found;
+                self.settle(data);
+            }
+            Stage::Offset => {
+                if let (Some(best), Some(other)) = (&mut self.found[0], found)
+                    && other.evidence > best.evidence
+                {
+                    *best = other;
+                }
+                self.stage = Stage::Ended;
+            }
+            Stage::Ended => {}
+        }
+    }
+
+    /// Keeps an optimum that is not there yet.
+    fn keep(&mut self, found: Option<Posterior<Body<P, N>, N>>) {
+        let Some(found) = found else { return };
+        let same = |f: &Posterior<Body<P, N>, N>| (f.cost - found.cost).abs() < SAME;
+        if !self.found.iter().flatten().any(same)
+            && let Some(room) = self.found.iter_mut().find(|f| f.is_none())
+        {
+            *room = Some(found);
+        }
+    }
+
+    /// Another model where the best does not explain the data.
+    fn judge(&mut self, data: &Data<'_, P>) {
+        match &self.found[0] {
+            Some(best) if !best.misfit.explained(self.known) && !best.motion.cubic => {
+                let body = Body { cubic: true, ..best.motion };
+                (self.stage, self.fit) = (Stage::Cubic, self.of(&body, &best.z.clone()));
+            }
+            _ => self.settle(data),
+        }
+    }
+
+    /// The other prior on offsets.
+    fn settle(&mut self, data: &Data<'_, P>) {
+        match &self.found[0] {
+            Some(best) if best.misfit.explained(self.known) => {
+                let (body, z) = other_offset(best, &data.of_later, OFFSET * self.size);
+                (self.stage, self.fit) = (Stage::Offset, self.of(&body, &z));
+            }
+            _ => self.stage = Stage::Ended,
+        }
+    }
+
+    fn of(&self, body: &Body<P, N>, z: &[f64; N]) -> Fit<Body<P, N>, P, N> {
+        Fit::new(body, z, self.fit.end(), STEPS)
+    }
+}
+
+/// -2 log of the probability at the optimum, but for what all have; nothing comes last.
+fn rank<const P: usize, const N: usize>(found: &Option<Posterior<Body<P, N>, N>>) -> f64 {
+    let Some(f) = found else { return f64::INFINITY };
+    let priors: f64 = f.motion.spread[3..].iter().map(|sd| libm::log(*sd)).sum();
+    let euler = if f.motion.steps().substeps == 0 { EULER } else { 0.0 };
+    f.cost + 2.0 * priors + euler
+}
+
+/// A body and where to begin its fit, with the other prior on offsets: free to `wide`, or none.
+pub fn other_offset<const P: usize, const N: usize>(
+    found: &Posterior<Body<P, N>, N>,
+    noise: &[f64; P],
+    wide: f64,
+) -> (Body<P, N>, [f64; N]) {
+    let (mut body, mut z) = (found.motion, found.z);
+    let free = body.has_offset(noise);
+    for i in 0..P {
+        body.spread[offset(P) + i] = if free { OFFSET * noise[i] } else { wide };
+        if free {
+            z[offset(P) + i] = 0.0;
+        }
+    }
+    (body, z)
+}

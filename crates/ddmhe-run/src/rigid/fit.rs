@@ -1,0 +1,170 @@
+//! The most probable motion given all data, by Levenberg's and Marquardt's method in slices.
+
+use crate::rigid::factor::Factor;
+use crate::rigid::motion::Motion;
+use crate::rigid::pass::{Data, Pass};
+use crate::rigid::posterior::Posterior;
+
+/// λ at the beginning, and its least.
+const DAMPING: (f64, f64) = (1e-3, 1e-12);
+/// What λ is multiplied by after a step that does not lower the cost, and divided by after one that
+/// does.
+const FACTORS: (f64, f64) = (8.0, 10.0);
+/// Steps in a row that may fail.
+const FAILURES: usize = 12;
+/// A fit has ended when a step gains less than the first, with λ below the second: the gain alone
+/// stops half of the hard cases too early.
+const ENDED: (f64, f64) = (1e-2, 1e-3);
+
+/// What is next.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Phase {
+    /// A pass at what is tried.
+    Pass,
+    /// A step from the best so far.
+    Step,
+    /// The covariance.
+    Inverse,
+    /// Nothing: the best is found.
+    Found,
+    /// Nothing: the motion of the start runs away.
+    Lost,
+}
+
+/// A fit as far as it has come. It may be advanced a few samples at a time, with the same data but
+/// for later outputs that come in meanwhile: those from `end` on are not looked at.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Fit<M, const P: usize, const N: usize> {
+    motion: M,
+    best: Pass<P, N>,
+    tried: Pass<P, N>,
+    lambda: f64,
+    steps: usize,
+    failures: usize,
+    most: usize,
+    end: usize,
+    phase: Phase,
+    inverse: [[f64; N]; N],
+}
+
+impl<M: Motion<P, N> + Clone, const P: usize, const N: usize> Fit<M, P, N> {
+    /// From z, of the outputs before `end`, in at most so many steps.
+    pub fn new(motion: &M, z: &[f64; N], end: usize, most: usize) -> Self {
+        let mut best = Pass::at(z);
+        best.cost = f64::INFINITY;
+        let mut tried = Pass::at(z);
+        tried.begin(motion, z);
+        Fit {
+            motion: motion.clone(),
+            best,
+            tried,
+            lambda: DAMPING.0,
+            steps: 0,
+            failures: 0,
+            most,
+            end,
+            phase: Phase::Pass,
+            inverse: [[0.0; N]; N],
+        }
+    }
+
+    /// How many outputs it is of.
+    pub fn end(&self) -> usize {
+        self.end
+    }
+
+    /// As much work as a pass has with so many samples; whether the fit has ended.
+    pub fn advance(&mut self, data: &Data<'_, P>, samples: usize) -> bool {
+        match self.phase {
+            Phase::Pass => {
+                let most = self.best.cost;
+                if self.tried.advance(&self.motion, data, (self.end, samples), most) {
+                    self.judge();
+                }
+            }
+            Phase::Step => {
+                let d = self.best.factor.damped_step(self.lambda);
+                let mut z = self.best.z;
+                z.iter_mut().zip(d).for_each(|(z, d)| *z += d);
+                self.tried.begin(&self.motion, &z);
+                self.phase = Phase::Pass;
+            }
+            Phase::Inverse => {
+                self.inverse = self.best.factor.inverse();
+                self.phase = Phase::Found;
+            }
+            Phase::Found | Phase::Lost => {}
+        }
+        matches!(self.phase, Phase::Found | Phase::Lost)
+    }
+
+    /// All of it at once.
+    pub fn finish(mut self, data: &Data<'_, P>) -> Option<Posterior<M, N>> {
+        while !self.advance(data, usize::MAX) {}
+        self.posterior()
+    }
+
+    /// Takes up what was tried, or not.
+    fn judge(&mut self) {
+        let gain = self.best.cost - self.tried.cost;
+        let first = self.best.cost == f64::INFINITY;
+        if self.tried.cost == f64::INFINITY || !(gain >= 0.0) {
+            self.failures += 1;
+            self.lambda *= FACTORS.0;
+            self.phase = match (first, self.failures < FAILURES) {
+                (true, _) => Phase::Lost,
+                (false, true) => Phase::Step,
+                (false, false) => Phase::Inverse,
+            };
+            return;
+        }
+        core::mem::swap(&mut self.best, &mut self.tried);
+        self.phase = Phase::Step;
+        if !first {
+            self.failures = 0;
+            self.steps += 1;
+            self.lambda = (self.lambda / FACTORS.1).max(DAMPING.1);
+            if (gain < ENDED.0 && self.lambda < ENDED.1) || self.steps == self.most {
+                self.phase = Phase::Inverse;
+            }
+        }
+    }
+
+    /// What an ended fit found; None where the motion of its start runs away.
+    pub fn posterior(&self) -> Option<Posterior<M, N>> {
+        if self.phase != Phase::Found {
+            return None;
+        }
+        let Pass { z, cost, factor, w, S, .. } = &self.best;
+        let spread = self.motion.spread();
+        let priors: f64 = spread[3..].iter().map(|sd| libm::log(*sd)).sum();
+        Some(Posterior {
+            motion: self.motion.clone(),
+            z: *z,
+            w: *w,
+            P: covariance(&self.inverse, S),
+            cost: *cost,
+            evidence: -0.5 * cost - Factor::log_determinant(factor) - priors,
+            misfit: self.best.misfit(),
+        })
+    }
+}
+
+/// M Mᵀ, M = [S; 0 I] R⁻¹: of ω at the end of the data and θ.
+fn covariance<const N: usize>(inverse: &[[f64; N]; N], S: &[[f64; N]; 3]) -> [[f64; N]; N] {
+    let mut M = *inverse;
+    for (row, S) in M.iter_mut().zip(S) {
+        *row = [0.0; N];
+        for (by, inverse) in S.iter().zip(inverse) {
+            row.iter_mut().zip(inverse).for_each(|(sum, v)| *sum += by * v);
+        }
+    }
+    let mut P = [[0.0; N]; N];
+    for i in 0..N {
+        for k in 0..=i {
+            P[i][k] = (0..N).map(|j| M[i][j] * M[k][j]).sum();
+            P[k][i] = P[i][k];
+        }
+    }
+    P
+}

@@ -1,0 +1,156 @@
+//! A motion dω/dt = f(ω, θ) that an output y = h(ω, θ) shows, sample by sample, with the derivatives
+//! of both with respect to z = (ω, θ).
+
+use crate::rigid::small::Vector;
+
+/// Unknowns that move the body come first in z, and are at most so many.
+pub const MOVING: usize = 16;
+/// Unknowns that one output depends on, at most.
+pub const SEEN: usize = 9;
+
+/// The derivative of three numbers by the unknowns that move them.
+pub type Slopes = [[f64; MOVING]; 3];
+
+/// The derivative of one output: places in z and values; unused ones are 0.
+pub type Row = [(usize, f64); SEEN];
+
+/// How a step of one sample is made.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Steps {
+    /// Sample period (s).
+    pub dt: f64,
+    /// Substeps of the Runge-Kutta rule a sample; 0: one step of Euler's forward rule.
+    pub substeps: usize,
+    /// A motion faster than this runs away (rad/s, in the sum of the absolute values).
+    pub limit: f64,
+}
+
+/// A family of motions of N unknowns with P outputs.
+pub trait Motion<const P: usize, const N: usize> {
+    /// What the unknowns determine.
+    type Parts;
+
+    /// How steps are made.
+    fn steps(&self) -> Steps;
+
+    /// Standard deviations of the prior of θ, mean 0; those of ω are not used: it has none.
+    fn spread(&self) -> &[f64; N];
+
+    /// Everything that z determines.
+    fn parts(&self, z: &[f64; N]) -> Self::Parts;
+
+    /// dω/dt.
+    fn rate(&self, parts: &Self::Parts, w: &Vector) -> Vector;
+
+    /// dω/dt, and its derivative.
+    fn slope(&self, parts: &Self::Parts, w: &Vector, slopes: &mut Slopes) -> Vector;
+
+    /// y.
+    fn output(&self, parts: &Self::Parts, w: &Vector) -> [f64; P];
+
+    /// The derivative of y.
+    fn rows(&self, parts: &Self::Parts, w: &Vector) -> [Row; P];
+}
+
+/// ω a sample later; None where it runs away.
+pub fn flow<const P: usize, const N: usize, M: Motion<P, N>>(
+    motion: &M,
+    parts: &M::Parts,
+    mut w: Vector,
+) -> Option<Vector> {
+    let Steps { dt, substeps, limit } = motion.steps();
+    if substeps == 0 {
+        return ahead(&w, dt, &motion.rate(parts, &w), limit);
+    }
+    let h = dt / substeps as f64;
+    for _ in 0..substeps {
+        let at = |c: f64, k: &Vector| [0, 1, 2].map(|i| w[i] + c * k[i]);
+        let k1 = motion.rate(parts, &w);
+        let k2 = motion.rate(parts, &at(h / 2.0, &k1));
+        let k3 = motion.rate(parts, &at(h / 2.0, &k2));
+        let k4 = motion.rate(parts, &at(h, &k3));
+        w = ahead(&w, h / 6.0, &combined(&k1, &k2, &k3, &k4), limit)?;
+    }
+    Some(w)
+}
+
+/// The same with dω(after)/d(ω, θ), in which the derivative by ω itself is that by ω before.
+pub fn flow_with_slopes<const P: usize, const N: usize, M: Motion<P, N>>(
+    motion: &M,
+    parts: &M::Parts,
+    mut w: Vector,
+    out: &mut Slopes,
+) -> Option<Vector> {
+    let Steps { dt, substeps, limit } = motion.steps();
+    if substeps == 0 {
+        let f = motion.slope(parts, &w, out);
+        *out = from_identity(dt, out);
+        return ahead(&w, dt, &f, limit);
+    }
+    let h = dt / substeps as f64;
+    for step in 0..substeps {
+        let (mut k, mut B) = ([[0.0; 3]; 4], [[[0.0; MOVING]; 3]; 4]);
+        k[0] = motion.slope(parts, &w, &mut B[0]);
+        for (stage, c) in [(1, h / 2.0), (2, h / 2.0), (3, h)] {
+            let z = [0, 1, 2].map(|i| w[i] + c * k[stage - 1][i]);
+            let (before, now) = B.split_at_mut(stage);
+            k[stage] = motion.slope(parts, &z, &mut now[0]);
+            chain(c, &mut now[0], &before[stage - 1]);
+        }
+        w = ahead(&w, h / 6.0, &combined(&k[0], &k[1], &k[2], &k[3]), limit)?;
+        let mut sum = [[0.0; MOVING]; 3];
+        for (i, row) in sum.iter_mut().enumerate() {
+            for (j, entry) in row.iter_mut().enumerate() {
+                *entry = B[0][i][j] + 2.0 * (B[1][i][j] + B[2][i][j]) + B[3][i][j];
+            }
+        }
+        let own = from_identity(h / 6.0, &sum);
+        *out = if step == 0 { own } else { after(&own, out) };
+    }
+    Some(w)
+}
+
+/// k₁ + 2 (k₂ + k₃) + k₄
+#[inline(always)]
+fn combined(k1: &Vector, k2: &Vector, k3: &Vector, k4: &Vector) -> Vector {
+    [0, 1, 2].map(|i| k1[i] + 2.0 * (k2[i] + k3[i]) + k4[i])
+}
+
+/// w + h f, unless it runs away.
+#[inline(always)]
+fn ahead(w: &Vector, h: f64, f: &Vector, limit: f64) -> Option<Vector> {
+    let next = [0, 1, 2].map(|i| w[i] + h * f[i]);
+    (next[0].abs() + next[1].abs() + next[2].abs() < limit).then_some(next)
+}
+
+/// I + h A
+#[inline(always)]
+fn from_identity(h: f64, A: &Slopes) -> Slopes {
+    let mut out = A.map(|row| row.map(|v| h * v));
+    (0..3).for_each(|i| out[i][i] += 1.0);
+    out
+}
+
+/// A + c A_ω B: the derivative of a stage at w + c k.
+#[inline(always)]
+fn chain(c: f64, A: &mut Slopes, B: &Slopes) {
+    for row in A {
+        let by = [c * row[0], c * row[1], c * row[2]];
+        for (j, entry) in row.iter_mut().enumerate() {
+            *entry += by[0] * B[0][j] + by[1] * B[1][j] + by[2] * B[2][j];
+        }
+    }
+}
+
+/// The derivative of a step that follows another.
+#[inline(always)]
+fn after(own: &Slopes, before: &Slopes) -> Slopes {
+    let mut out = *own;
+    for (row, own) in out.iter_mut().zip(own) {
+        row[..3].fill(0.0);
+        for (j, entry) in row.iter_mut().enumerate() {
+            *entry += own[0] * before[0][j] + own[1] * before[1][j] + own[2] * before[2][j];
+        }
+    }
+    out
+}

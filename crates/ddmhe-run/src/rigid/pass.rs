@@ -1,0 +1,240 @@
+//! One pass over the data: the cost of z, and the triangular factor of its whitened Jacobian.
+
+use crate::rigid::factor::Factor;
+use crate::rigid::motion::{MOVING, Motion, Slopes, flow_with_slopes};
+use crate::rigid::posterior::Misfit;
+use crate::rigid::small::Vector;
+
+/// Rows that are folded into the factor at once.
+const ROWS: usize = 12;
+/// Samples of a block whose mean residual is looked at.
+const BLOCK: usize = 10;
+
+/// What is fitted: a recording and the outputs since, NaN = not measured.
+#[derive(Debug, Clone, Copy)]
+pub struct Data<'a, const P: usize> {
+    /// Recorded rates (T+1).
+    pub x: &'a [Vector],
+    /// Recorded outputs (T).
+    pub y: &'a [[f64; P]],
+    /// Later outputs.
+    pub later: &'a [[f64; P]],
+    /// Noise of recorded rates.
+    pub of_x: Vector,
+    /// Of recorded outputs.
+    pub of_y: [f64; P],
+    /// Of later ones.
+    pub of_later: [f64; P],
+}
+
+impl<const P: usize> Data<'_, P> {
+    /// Output k and its noise.
+    #[inline(always)]
+    fn output(&self, k: usize) -> (&[f64; P], &[f64; P]) {
+        match k < self.y.len() {
+            true => (&self.y[k], &self.of_y),
+            false => (&self.later[k - self.y.len()], &self.of_later),
+        }
+    }
+}
+
+/// A pass as far as it has come.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Pass<const P: usize, const N: usize> {
+    /// Where the cost is taken.
+    pub z: [f64; N],
+    /// Cost of the samples so far; infinite where the motion runs away.
+    pub cost: f64,
+    /// Factor of their rows.
+    pub factor: Factor<N>,
+    /// ω at the next sample.
+    pub w: Vector,
+    /// dω(next sample)/dz.
+    pub S: [[f64; N]; 3],
+    next: usize,
+    rows: [[f64; N]; ROWS],
+    right: [f64; ROWS],
+    filled: usize,
+    of_x: Squares<3>,
+    of_y: Squares<P>,
+    seen: f64, // outputs that were measured
+}
+
+/// Sums of squared residuals, of single ones and of block means.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Squares<const K: usize> {
+    single: f64,
+    blocks: f64,
+    sum: [f64; K],
+    samples: usize,
+}
+
+impl<const K: usize> Squares<K> {
+    const NONE: Self = Squares { single: 0.0, blocks: 0.0, sum: [0.0; K], samples: 0 };
+
+    fn take(&mut self, residuals: &[f64; K]) {
+        self.single += residuals.iter().map(|e| e * e).sum::<f64>();
+        self.sum.iter_mut().zip(residuals).for_each(|(sum, e)| *sum += e);
+        self.samples += 1;
+        if self.samples.is_multiple_of(BLOCK) {
+            let block = BLOCK as f64;
+            self.blocks += self.sum.iter().map(|sum| (sum / block) * (sum / block)).sum::<f64>();
+            self.sum = [0.0; K];
+        }
+    }
+
+    /// Mean square of whole blocks' means, times the block.
+    fn of_blocks(&self) -> f64 {
+        let count = (self.samples / BLOCK * K) as f64;
+        BLOCK as f64 * self.blocks / count
+    }
+}
+
+impl<const P: usize, const N: usize> Pass<P, N> {
+    /// At z, with the prior's rows.
+    pub fn begin<M: Motion<P, N>>(&mut self, motion: &M, z: &[f64; N]) {
+        *self = Self::at(z);
+        let spread = motion.spread();
+        for i in 3..N {
+            let (unit, e) = (1.0 / spread[i], -z[i] / spread[i]);
+            self.cost += e * e;
+            self.factor.R[i][i] = unit;
+            self.factor.q[i] = e;
+        }
+    }
+
+    /// At z, of nothing.
+    pub fn at(z: &[f64; N]) -> Self {
+        let mut S = [[0.0; N]; 3];
+        (0..3).for_each(|i| S[i][i] = 1.0);
+        Pass {
+            z: *z,
+            cost: 0.0,
+            factor: Factor::EMPTY,
+            w: [z[0], z[1], z[2]],
+            S,
+            next: 0,
+            rows: [[0.0; N]; ROWS],
+            right: [0.0; ROWS],
+            filled: 0,
+            of_x: Squares::NONE,
+            of_y: Squares::NONE,
+            seen: 0.0,
+        }
+    }
+
+    /// Up to so many samples further towards that of number `end`, whose output is not part of it;
+    /// whether the pass has ended. It ends early where the cost exceeds `most`.
+    pub fn advance<M: Motion<P, N>>(
+        &mut self,
+        motion: &M,
+        data: &Data<'_, P>,
+        (end, samples): (usize, usize),
+        most: f64,
+    ) -> bool {
+        let parts = motion.parts(&self.z);
+        for _ in 0..samples {
+            if self.next < data.x.len() {
+                self.state(&data.x[self.next], &data.of_x);
+            }
+            if self.next >= end {
+                self.flush();
+                return true;
+            }
+            self.output(motion, &parts, data.output(self.next));
+            let mut F = [[0.0; MOVING]; 3];
+            match flow_with_slopes(motion, &parts, self.w, &mut F) {
+                Some(w) => self.w = w,
+                None => self.cost = f64::INFINITY,
+            }
+            if !(self.cost <= most) || self.cost == f64::INFINITY {
+                self.cost = f64::INFINITY;
+                return true;
+            }
+            self.carry(&F);
+            self.next += 1;
+        }
+        false
+    }
+
+    /// Rows of a recorded rate.
+    fn state(&mut self, x: &Vector, noise: &Vector) {
+        let e = [0, 1, 2].map(|i| (x[i] - self.w[i]) / noise[i]);
+        for i in 0..3 {
+            let by = 1.0 / noise[i];
+            let row = self.S[i].map(|v| v * by);
+            self.push(&row, e[i]);
+        }
+        self.cost += e.iter().map(|e| e * e).sum::<f64>();
+        self.of_x.take(&e);
+    }
+
+    /// Rows of an output.
+    #[inline(always)]
+    fn output<M: Motion<P, N>>(
+        &mut self,
+        motion: &M,
+        parts: &M::Parts,
+        (y, noise): (&[f64; P], &[f64; P]),
+    ) {
+        let (expected, rows) = (motion.output(parts, &self.w), motion.rows(parts, &self.w));
+        let mut residuals = [0.0; P];
+        for i in 0..P {
+            if !y[i].is_finite() {
+                continue;
+            }
+            let by = 1.0 / noise[i];
+            let h = [0, 1, 2].map(|k| by * rows[i][k].1);
+            let mut row = [0.0; N];
+            for (k, entry) in row.iter_mut().enumerate() {
+                *entry = h[0] * self.S[0][k] + h[1] * self.S[1][k] + h[2] * self.S[2][k];
+            }
+            rows[i][3..].iter().for_each(|(at, v)| row[*at] += by * v);
+            residuals[i] = (y[i] - expected[i]) * by;
+            self.cost += residuals[i] * residuals[i];
+            self.seen += 1.0;
+            self.push(&row, residuals[i]);
+        }
+        self.of_y.take(&residuals);
+    }
+
+    /// S a sample later.
+    #[inline(always)]
+    fn carry(&mut self, F: &Slopes) {
+        let before = self.S;
+        for (row, F) in self.S.iter_mut().zip(F) {
+            for (k, entry) in row.iter_mut().enumerate() {
+                *entry = F[0] * before[0][k] + F[1] * before[1][k] + F[2] * before[2][k];
+            }
+            row[3..].iter_mut().zip(&F[3..]).for_each(|(entry, own)| *entry += own);
+        }
+    }
+
+    #[inline(always)]
+    fn push(&mut self, row: &[f64; N], e: f64) {
+        (self.rows[self.filled], self.right[self.filled]) = (*row, e);
+        self.filled += 1;
+        if self.filled == ROWS {
+            self.flush();
+        }
+    }
+
+    fn flush(&mut self) {
+        let (rows, right) = (&mut self.rows[..self.filled], &mut self.right[..self.filled]);
+        self.factor.fold(0, rows, right);
+        self.filled = 0;
+    }
+
+    /// How the residuals of an ended pass compare with their noise.
+    pub fn misfit(&self) -> Misfit {
+        let (states, seen) = ((3 * self.of_x.samples) as f64, self.seen.max(1.0));
+        let outputs = (P * self.of_y.samples) as f64;
+        let chi = [
+            self.of_x.single / states,
+            self.of_y.single / seen,
+            self.of_x.of_blocks(),
+            self.of_y.of_blocks() * outputs / seen,
+        ];
+        Misfit { chi, terms: [states, seen, states / 10.0, seen / 10.0] }
+    }
+}

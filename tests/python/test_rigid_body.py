@@ -1,0 +1,199 @@
+"""RigidBodyMhe: against the NumPy reference's own numbers, and as an object."""
+
+import copy
+import pickle
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import ddmhe
+
+GOLDEN = np.load(Path(__file__).parents[1] / "golden" / "rigid_body.npz")
+NAMES = list(GOLDEN["names"])
+UNIT_X, UNIT_Y, RECORDED, EVERY = 1e-8, 1e-6, 200, 8
+LOST = np.iinfo(np.int32).min
+
+
+def golden(name):
+    """History, settings and outputs of a case, and what the reference made of it."""
+    i = NAMES.index(name)
+    x, y = GOLDEN[f"x{i}"] * UNIT_X, GOLDEN[f"y{i}"]
+    y = np.where(y == LOST, np.nan, y * UNIT_Y)
+    noise = GOLDEN[f"noise{i}"]
+    names = ("x_noise", "y_noise", "output_noise")
+    history = ddmhe.History(x, y[:RECORDED], dt=0.1)
+    return history, dict(zip(names, noise, strict=False)), y[RECORDED:], GOLDEN[f"rows{i}"]
+
+
+def spread(x, y):
+    """Of two lists of covariances the largest difference, relative to the larger's size."""
+    size = np.abs(y).max(axis=(1, 2), keepdims=True)
+    return np.max(np.abs(x - y) / size)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_estimates_are_the_reference_s(name):
+    """400 steps with seven fits anew: rates to 1e-9 rad/s, covariances to 1e-8 of their size."""
+    history, settings, Y, rows = golden(name)
+    est = ddmhe.RigidBodyMhe(history, refit="now", **settings)
+    log = est.run(Y)
+    at = np.arange(EVERY - 1, len(Y), EVERY)
+    upper = np.zeros((len(at), 3, 3))
+    upper[(slice(None), *np.triu_indices(3))] = rows[:, 3:9]
+    expected = upper + np.triu(upper, 1).transpose(0, 2, 1)
+    assert est.explained
+    assert np.abs(log.x[at] - rows[:, :3]).max() < 1e-9
+    assert spread(log.covariance[at], expected) < 1e-8
+    assert np.array_equal(log.status[at] == "adapting", rows[:, 9] == 1)
+    assert set(log.status) <= {"structured", "adapting"}
+
+
+@pytest.fixture(scope="module")
+def made():
+    history, settings, Y, _ = golden("target 2")
+    return ddmhe.RigidBodyMhe(history, **settings), Y
+
+
+def same(a, b):
+    """Whether two logs hold the same numbers."""
+    columns = ("x", "cost", "covariance", "status", "reasons")
+    return all(np.array_equal(getattr(a, c), getattr(b, c)) for c in columns)
+
+
+def test_a_run_is_its_steps(made):
+    est, Y = copy.copy(made[0]), made[1][:60]
+    log = copy.copy(est).run(Y)
+    for k, y in enumerate(Y):
+        e = est.step(y)
+        assert np.array_equal(e.x, log.x[k])
+        assert np.array_equal(e.window, [e.x])
+        assert np.array_equal(e.covariance, log.covariance[k])
+        assert e.status == log.status[k]
+        assert e.trusted == log.trusted[k]
+        assert e.evidence.kind == "nis"
+        assert e.evidence.innovation.shape == (3,)
+    assert est.t == 60
+    assert np.array_equal(est.estimate.x, e.x)
+    out = np.empty(3)
+    assert est.step(made[1][60], out=out) is out
+    assert np.array_equal(out, est.estimate.x)
+
+
+@pytest.mark.parametrize(("refit", "before"), [("now", 120), ("sliced", 90), ("sliced", 333)])
+def test_copies_and_pickles_go_on_with_the_same_numbers(refit, before):
+    """With slices in the midst of fits, too."""
+    history, settings, Y, _ = golden("target 2")
+    new = ddmhe.RigidBodyMhe(history, refit=refit, **settings)
+    est = copy.copy(new)
+    est.run(Y[:before])
+    others = [copy.deepcopy(est), pickle.loads(pickle.dumps(est))]
+    others.append(ddmhe.RigidBodyMhe.restore(est.snapshot()))
+    rest = est.run(Y[before:])
+    for other in others:
+        assert other.t == before
+        assert same(other.run(Y[before:]), rest)
+    est.reset()
+    assert est.t == 0
+    assert est.estimate is None
+    assert same(est.run(Y), new.run(Y))
+
+
+def test_snapshots_that_were_changed_are_refused(made):
+    est, _ = made
+    blob = bytearray(est.snapshot())
+    blob[len(blob) // 2] ^= 1
+    with pytest.raises(ddmhe.DdmheError, match="changed"):
+        ddmhe.RigidBodyMhe.restore(bytes(blob))
+    with pytest.raises(ddmhe.DdmheError, match="rigid body"):
+        ddmhe.DdMhe.restore(est.snapshot())
+
+
+def test_manual_fits_are_those_of_now():
+    """With no fit on the way, a fit by hand where the first one is due is that fit."""
+    history, settings, Y, _ = golden("target 2")
+    manual = ddmhe.RigidBodyMhe(history, refit="manual", **settings)
+    now = ddmhe.RigidBodyMhe(history, refit="now", **settings)
+    manual.run(Y[:50])
+    assert manual.refit()
+    now.run(Y[:50])
+    assert np.array_equal(manual.step(Y[50]).x, now.step(Y[50]).x)
+
+
+def test_the_report_says_what_the_body_is(made):
+    est, Y = copy.copy(made[0]), made[1]
+    before = est.report()
+    est.run(Y)
+    after = est.report()
+    assert np.trace(after.inertia) == pytest.approx(3.0)
+    assert np.linalg.norm(after.unseen) == pytest.approx(1.0)
+    assert np.all(after.chi < after.limits)
+    assert np.all(
+        after.inertia_std[[0, 1, 2], [0, 1, 2]] < before.inertia_std[[0, 1, 2], [0, 1, 2]]
+    )
+    assert len(after.optima) >= 1
+    assert "explains" in after.words[0]
+    assert est.warnings == []
+
+
+def test_a_recording_of_no_body_is_left_to_the_affine_estimator():
+    """A stable oscillator of three states, seen exactly."""
+    A = np.array([[0.99, 0.1, 0.0], [-0.1, 0.99, 0.0], [0.02, 0.0, 0.95]])
+    x = [np.array([1.0, 0.0, 0.5])]
+    for _ in range(300):
+        x.append(A @ x[-1] + [0.0, 0.01, 0.02])
+    x = np.array(x)
+    y = x[:-1] @ np.array([[1.0, 0.2, 0.0], [0.0, 1.0, 0.3]]).T + 0.3
+    draw = np.random.default_rng(1)
+    y += 1e-4 * draw.standard_normal(y.shape)
+    history = ddmhe.History(x[:201] + 1e-4 * draw.standard_normal((201, 3)), y[:200], dt=0.1)
+    est, affine = ddmhe.RigidBodyMhe(history), ddmhe.DdMhe(history)
+    log = est.run(y[200:])
+    assert not est.explained
+    assert set(log.status) == {"affine"}
+    assert np.array_equal(log.x, affine.run(y[200:]).x)
+    assert "no rigid body explains" in est.warnings[0]
+
+
+def test_estimates_stay_inside_the_box():
+    history, settings, Y, _ = golden("target 2")
+    free = ddmhe.RigidBodyMhe(history, **settings).run(Y)
+    lo, hi = np.quantile(free.x, [0.2, 0.8], axis=0)
+    log = ddmhe.RigidBodyMhe(history, x_bounds=(lo, hi), **settings).run(Y)
+    assert np.all(log.x >= lo)
+    assert np.all(log.x <= hi)
+    assert np.any(log.x == lo)
+    assert np.any(log.x == hi)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (dict(x_noise=[1.0, 2.0]), "x_noise: expected 1 or 3 numbers, found 2"),
+        (dict(y_noise=-1.0), "y_noise: expected standard deviations of at least 0, found -1"),
+        (dict(output_noise=np.nan), "output_noise: expected finite numbers"),
+        (dict(refit="later"), "refit: expected"),
+        (dict(x_bounds=(1.0, -1.0)), "x_bounds"),
+    ],
+)
+def test_bad_settings_are_named(change, words):
+    history, *_ = golden("target 2")
+    with pytest.raises(ddmhe.DdmheError, match=words):
+        ddmhe.RigidBodyMhe(history, **change)
+
+
+def test_recordings_of_no_rates_are_refused():
+    draw = np.random.default_rng(0)
+    x, y = draw.standard_normal((201, 3)), draw.standard_normal((200, 2))
+    for history, words in [
+        (ddmhe.History(x[:, :2], y, dt=0.1), "n = 3 states"),
+        (ddmhe.History(x, y, dt=0.1, u=y), "none of known inputs"),
+        (ddmhe.History(x[:51], y[:50], dt=0.1), "at least 100 outputs"),
+        (ddmhe.History(x, y, dt=0.1, x_units="deg/s"), "rates in rad/s"),
+        (ddmhe.History(0 * x, y, dt=0.1), "expected a state x that changes"),
+    ]:
+        with pytest.raises(ddmhe.DdmheError, match=words):
+            ddmhe.RigidBodyMhe(history)
+    est = ddmhe.RigidBodyMhe(golden("target 2")[0])
+    with pytest.raises(ddmhe.ShapeError, match="y_t: expected 3 numbers"):
+        est.step([1.0, 2.0])

@@ -1,0 +1,74 @@
+//! The rigid body's estimator as an embedder uses it; its numbers are tested against the NumPy
+//! reference in Python.
+
+use crate::systems::noise;
+use ddmhe_core::rigid::{Refits, RigidConfig};
+use ddmhe_core::{History, RigidBodyMhe, Status};
+
+const DT: f64 = 0.1;
+
+/// A tumbling body that is braked about two of its axes: rates and outputs of `count` samples, in
+/// 50 small steps of Euler's rule a sample.
+fn tumbling(count: usize) -> (Vec<f64>, Vec<f64>) {
+    let J = [0.8, 1.0, 1.2];
+    let (mut w, mut x, mut y) = ([0.2, 0.15, -0.1], Vec::new(), Vec::new());
+    for _ in 0..count {
+        x.extend(w);
+        y.extend([3.0 * w[0] + w[1], w[1] - 2.0 * w[0], 0.5 * w[0]]);
+        for _ in 0..50 {
+            let drag = [-0.02 * w[0], -0.01 * w[1], 0.0];
+            let rate =
+                |i: usize, j: usize, k: usize| (drag[i] + (J[j] - J[k]) * w[j] * w[k]) / J[i];
+            let f = [rate(0, 1, 2), rate(1, 2, 0), rate(2, 0, 1)];
+            (0..3).for_each(|i| w[i] += DT / 50.0 * f[i]);
+        }
+    }
+    (x, y)
+}
+
+/// An estimator of its first 150 samples, and the rates and outputs after them.
+fn made(refit: Refits) -> (RigidBodyMhe, Vec<f64>, Vec<f64>) {
+    let (mut x, mut y) = tumbling(1650);
+    x.iter_mut().zip(noise(1, 3 * 151, 1e-4)).for_each(|(v, e)| *v += e);
+    let count = y.len();
+    y.iter_mut().zip(noise(2, count, 1e-3)).for_each(|(v, e)| *v += e);
+    let history = History::new(3, 3, &x[..3 * 151], &y[..3 * 150], DT).unwrap();
+    let config = RigidConfig { refit, ..RigidConfig::default() };
+    let mhe = RigidBodyMhe::new(&history, config, None).unwrap();
+    (mhe, x[3 * 151..].to_vec(), y[3 * 150..].to_vec())
+}
+
+#[test]
+fn steps_with_slices_of_fits_allocate_nothing() {
+    let (mut mhe, truth, y) = made(Refits::Sliced);
+    assert!(mhe.explained());
+    // the estimate's room is made by the first step
+    mhe.step(&y[..3]).unwrap();
+    let found = allocation_counter::measure(|| {
+        for y in y[3..].chunks_exact(3) {
+            mhe.step(y).unwrap();
+        }
+    });
+    assert_eq!(found.count_total, 0);
+    assert_eq!(mhe.estimate().status, Status::Structured);
+    // fits were made on the way: the inertia is known better than from the recording alone
+    let before = made(Refits::Manual).0.report().unwrap();
+    let after = mhe.report().unwrap();
+    assert!(after.evidence != before.evidence);
+    let last = &truth[truth.len() - 3..];
+    let off = mhe.estimate().x.iter().zip(last).map(|(x, w)| (x - w).abs()).fold(0.0, f64::max);
+    assert!(off < 1e-3, "{off}");
+}
+
+#[test]
+fn slices_end_where_one_fit_would() {
+    // after the last slice of a fit the filter stands where a fit at once would have let it go on
+    let (mut sliced, _, y) = made(Refits::Sliced);
+    let (mut now, ..) = made(Refits::Now);
+    let (sliced, now) = (sliced.run(&y).unwrap(), now.run(&y).unwrap());
+    let end = sliced.x.len() - 3;
+    for (a, b) in sliced.x[end..].iter().zip(&now.x[end..]) {
+        assert!((a - b).abs() < 1e-4, "{a} {b}");
+    }
+    assert_ne!(sliced.x, now.x);
+}
