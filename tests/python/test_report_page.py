@@ -354,6 +354,28 @@ def test_ten_thousand_samples_are_shown_whole_in_three_megabytes(run, tmp_path):
     assert "thinned" not in page.read_text().rpartition("<footer>")[2].partition("</footer>")[0]
 
 
+@pytest.mark.long
+def test_a_million_samples_are_thinned_to_six_megabytes(tmp_path):
+    record = ddmhe.models.detumbling().simulate(100_022.0, 0.1, noise=0.01, seed=2)
+    after = slice(201, 1_000_201)
+    history = ddmhe.History(record.x[:201], record.y[:200], dt=0.1)
+    est = ddmhe.DdMhe(history)
+    log = est.run(record.y[200:1_000_200])
+    page = tmp_path / "page.html"
+    ddmhe.report.html(est, log, page, truth=record.x[after], t=record.t[after], history=history)
+    text = page.read_text()
+    assert len(text) <= 6 * MB
+    drawn = data_of(text)
+    charts = {k: next(c for c in drawn["charts"][k]["curves"] if c["look"] == "estimate")
+              for k in range(3)}  # fmt: skip
+    for k, curve in charts.items():
+        shown = np.array(curve["v"])
+        spread = np.ptp(log.x[:, k])
+        assert shown.max() == pytest.approx(log.x[:, k].max(), abs=1e-4 * spread)
+        assert shown.min() == pytest.approx(log.x[:, k].min(), abs=1e-4 * spread)
+    assert sum(map(len, drawn["doubts"].values())) <= 4 * 500
+
+
 def test_many_states_over_long_logs_are_thinned_and_it_is_said(tmp_path):
     rng = np.random.default_rng(0)
     x = rng.standard_normal((50_000, 30)).cumsum(axis=0)
