@@ -44,7 +44,7 @@ from ddmhe._core import (
 from ddmhe.reasons import Reason
 
 if TYPE_CHECKING:
-    from ddmhe import baselines, design, interval, recordings, report
+    from ddmhe import baselines, config, design, interval, plot, recordings, report
     from ddmhe.lifted import LiftedMhe
     from ddmhe.tuning import Tuning, tune
 
@@ -52,7 +52,7 @@ __version__ = _version("ddmhe")
 
 # Loaded on first use, as cvxpy is by what runs a programme: they take longer to import than an
 # estimator to build.
-_MODULES = ("baselines", "design", "interval", "recordings", "report")
+_MODULES = ("baselines", "config", "design", "interval", "plot", "recordings", "report")
 _LAZY = {name: f"ddmhe.{name}" for name in _MODULES} | {
     "tune": "ddmhe.tuning",
     "Tuning": "ddmhe.tuning",
@@ -67,6 +67,10 @@ def __getattr__(name: str) -> Any:
     value = module if name in _MODULES else getattr(module, name)
     globals()[name] = value
     return value
+
+
+def __dir__() -> list[str]:
+    return [*__all__, "__version__"]
 
 
 __all__ = [
@@ -93,9 +97,11 @@ __all__ = [
     "Tuning",
     "Zonotope",
     "baselines",
+    "config",
     "design",
     "interval",
     "models",
+    "plot",
     "recordings",
     "report",
     "run_many",

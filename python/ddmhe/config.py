@@ -16,6 +16,7 @@ gate = 5.0                       # or "auto": outputs that cannot be right are r
 stuck = "missing"                # an output that is stuck counts as not measured
 start = "unknown"                # or "auto", "recording", "state"
 missing = [-9999, 999]           # for the command line: numbers of a log that say "not measured"
+delay = { acc_x = 0.02 }         # for the command line: by how much outputs are late, s; or 0.02
 space = { kind = "truncated", rank = 5 }   # or "auto", "exact", or a ridge:
 # space = { kind = "ridge", weight = 1e-2, normalised = true }
 
@@ -64,7 +65,7 @@ __all__ = [
 ]
 
 
-READING = ("missing",)
+READING = ("missing", "delay")
 """Keys that say how to read a log: arguments of `read_log`, not of `DdMhe`."""
 SPACES: dict[str, type[Exact] | type[Truncated] | type[Ridge]] = {
     "exact": Exact,
@@ -131,7 +132,12 @@ def _nearest(name: str, known: Iterable[str]) -> str:
 
 def _setting(key: str, value: Any) -> Any:
     """A setting from TOML's values, as DdMhe takes it."""
-    if key in READING:
+    if key == "delay":
+        numbers = value.values() if isinstance(value, dict) else [value]
+        for number in numbers:
+            check_number(key, number, "seconds, or seconds by column", lambda _: True)
+        return value
+    if key == "missing":
         for number in check_kind(key, value, list, "a list of finite numbers"):
             check_number(key, number, "a list of finite numbers", lambda _: True)
         return value

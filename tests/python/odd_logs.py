@@ -5,12 +5,15 @@ import gzip
 import io
 import lzma
 import zipfile
+from datetime import datetime, timedelta
 
 import numpy as np
+import scipy.io
 
 N, DT, HISTORY = 240, 0.02, 3.0
 HEAD = ["time_s", "w1", "w2", "q1"]
 EPOCH = 1_700_000_020_223_456_854
+START = datetime(2024, 5, 1, 12)
 
 
 def numbers():
@@ -65,6 +68,15 @@ def of_day(seconds):
 
 def iso(k):
     return f"2024-05-01T12:00:{DT * k:09.6f}+02:00"
+
+
+def structure():
+    """A MAT file with one structure, as MATLAB saves what a simulation logged."""
+    values = np.array(ROWS, dtype=np.float64)
+    stream = io.BytesIO()
+    log = {"t": values[:, :1], "x": values[:, 1:3], "y": values[:, 3:]}
+    scipy.io.savemat(stream, {"log": log})
+    return stream.getvalue(), {"state": ["x[0]", "x[1]"], "output": ["y"]}
 
 
 def habits():
@@ -191,6 +203,22 @@ def habits():
             "{" + ", ".join(f'"{n}": {v}' for n, v in zip(HEAD, row, strict=True)) + "}"
             for row in ROWS
         ),
+    }
+    moments = [START + timedelta(milliseconds=20 * k) for k in range(N)]
+    bars = [f"| {' | '.join(row)} |" for row in [HEAD, ["---"] * len(HEAD), *ROWS]]
+    arff = ["@RELATION run", "", *(f"@ATTRIBUTE {n} NUMERIC" for n in HEAD), "", "@DATA"]
+    broken = [f'"{name}\n[{u}]"' for name, u in zip(HEAD, ["s", "1", "1", "1"], strict=True)]
+    found |= {
+        "durations": clock([f"{t:.9g} sec" for t in at], "Time"),
+        "names-of-months": clock([f"{m:%d-%b-%Y %H:%M:%S.%f}"[:-3] for m in moments], "Time"),
+        "month-first": clock([f'"{m:%b %d, %Y %H:%M:%S.%f}"' for m in moments], "Time"),
+        "table-of-markdown": "\n".join([*bars, ""]),
+        "arff": "\n".join([*arff, *map(",".join, ROWS), ""]),
+        "names-with-line-ends": (
+            text(broken),
+            {"state": ["w1 [1]", "w2 [1]"], "output": ["q1 [1]"]},
+        ),
+        "structure-of-matrices": structure(),
     }
     pairs = {k: v if isinstance(v, tuple) else (v, {}) for k, v in found.items()}
     return {

@@ -309,7 +309,7 @@ def test_many_runs_are_the_single_ones():
         ddmhe.run_many(estimators, outputs[:3])
     with pytest.raises(ddmhe.DdmheError, match="only once"):
         ddmhe.run_many([estimators[0], estimators[0]], outputs[:2])
-    with pytest.raises(ddmhe.ShapeError, match="3 columns in number 1"):
+    with pytest.raises(ddmhe.ShapeError, match="logs, number 1: expected 3 columns"):
         ddmhe.run_many(estimators[:2], [outputs[0], outputs[1][:, :2]])
     with pytest.raises(ddmhe.DdmheError, match="estimators"):
         ddmhe.run_many([1.0], outputs[:1])

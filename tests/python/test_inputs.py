@@ -35,8 +35,9 @@ CASES = {
         ShapeError,
         ["x", "31 samples", "30 samples"],
     ),
-    "x one-dimensional": (lambda: History(X[:, 0], Y), ShapeError, ["x", "2-D", "(T+1, n)"]),
-    "y one-dimensional": (lambda: History(X, Y[:, 0]), ShapeError, ["y", "2-D", "(T, p)"]),
+    "x three-dimensional": (lambda: History(X[None], Y), ShapeError, ["x", "2-D", "(T+1, n)"]),
+    "y three-dimensional": (lambda: History(X, Y[None]), ShapeError, ["y", "2-D", "(T, p)"]),
+    "x a number": (lambda: History(1.0, Y), ShapeError, ["x", "2-D", "single number"]),
     "x without channels": (
         lambda: History(np.zeros((31, 0)), Y),
         ShapeError,

@@ -63,6 +63,9 @@ STATED = {
     "cut-in-the-last-row": "line 242, the last, is cut short and left out",
     "types-and-units": "words left out in line 2; units in line 3",
     "sec-and-nanosec": "time of columns 'header.stamp.sec' and 'header.stamp.nanosec'",
+    "durations": "sec in the cells of 'Time'",
+    "table-of-markdown": "a table of Markdown",
+    "arff": "ARFF",
     "no-header": "no header line, columns are called 1, 2, …",
 }
 

@@ -166,6 +166,19 @@ impl Numbers {
         }
     }
 
+    /// As [`into_matrix`](Self::into_matrix); one channel may be given without its second
+    /// dimension.
+    pub fn into_channels(
+        mut self,
+        argument: &str,
+        shape: &str,
+    ) -> PyResult<(Vec<f64>, usize, usize)> {
+        if let [_] = self.shape[..] {
+            self.shape.push(1);
+        }
+        self.into_matrix(argument, shape)
+    }
+
     /// The numbers of a one-dimensional array of length `len`; a scalar does where len is 1.
     pub fn into_vector(self, argument: &str, len: usize) -> PyResult<Vec<f64>> {
         match self.shape[..] {
@@ -270,9 +283,40 @@ pub fn bounds(
     width: usize,
     depth: Option<usize>,
 ) -> PyResult<Bounds> {
+    if let Some((lo, hi)) = pairs(argument, value, width)? {
+        let whole = depth.map_or(width, |m| (m + 1) * width);
+        let each = |side: Vec<f64>| side.into_iter().cycle().take(whole).collect();
+        return Ok(Bounds { lo: each(lo), hi: each(hi) });
+    }
     let [lo, hi] = &pair(argument, "a pair (lo, hi)", value)?;
     let side = |value| side(argument, Numbers::from(argument, value)?, width, depth);
     Ok(Bounds { lo: side(lo)?, hi: side(hi)? })
+}
+
+/// Bounds as SciPy has them, one (lo, hi) a channel; None for others. Of two channels this can be
+/// read in two ways, and is asked about.
+pub fn pairs(
+    argument: &str,
+    value: &Bound<'_, PyAny>,
+    width: usize,
+) -> PyResult<Option<(Vec<f64>, Vec<f64>)>> {
+    let Ok(list) = value.cast::<PyList>() else { return Ok(None) };
+    let pairs: Vec<_> = list.iter().filter_map(|item| item.cast_into::<PyTuple>().ok()).collect();
+    let all = pairs.len() == list.len() && pairs.iter().all(|pair| pair.len() == 2);
+    if width < 2 || pairs.len() != width || !all {
+        return Ok(None);
+    }
+    let side = |k: usize| -> PyResult<Vec<f64>> {
+        pairs.iter().map(|pair| number(argument, &pair.get_item(k)?)).collect()
+    };
+    let (lo, hi) = (side(0)?, side(1)?);
+    if width == 2 {
+        return Err(ShapeError::new_err(format!(
+            "{argument}: expected (lo, hi), found a list of two pairs, which can be read in two \
+             ways; with one pair a channel write ({lo:?}, {hi:?})"
+        )));
+    }
+    Ok(Some((lo, hi)))
 }
 
 /// One side of `bounds`.

@@ -12,9 +12,9 @@ use pyo3::types::{PyBytes, PyType};
 ///
 /// Parameters
 /// ----------
-/// x : array (T+1, n)
+/// x : array (T+1, n), or (T+1,) of one state
 ///     Recorded states, one row per sample, in any unit.
-/// y : array (T, p)
+/// y : array (T, p), or (T,) of one output
 ///     Recorded outputs; x[k] and y[k] were taken together, x has one more sample.
 /// dt : float
 ///     Sampling interval in seconds. Kept for reports: the method itself needs no unit of time.
@@ -87,8 +87,14 @@ impl History {
         u_units: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Self> {
         let dt = dt.map_or(Ok(1.0), |dt| number("dt", dt))?;
-        let (x, _, n) = Numbers::matrix("x", x, "(T+1, n)")?;
-        let (y, _, p) = Numbers::matrix("y", y, "(T, p)")?;
+        let (x, states, n) = Numbers::from("x", x)?.into_channels("x", "(T+1, n)")?;
+        let (y, outputs, p) = Numbers::from("y", y)?.into_channels("y", "(T, p)")?;
+        if n == p + 1 && n > 2 && states < n && outputs > 0 {
+            return Err(ShapeError::new_err(format!(
+                "x, y: expected arrays (T+1, n) and (T, p), row k the sample k, found ({states}, \
+                 {n}) and ({outputs}, {p}), which look transposed: x.T, y.T"
+            )));
+        }
         let (x_units, y_units) = (units("x_units", x_units)?, units("y_units", y_units)?);
         let core = ddmhe_core::History::new(n, p, &x, &y, dt).map_err(raise)?;
         let core = core.with_units(&x_units, &y_units).map_err(raise)?;
@@ -98,7 +104,7 @@ impl History {
                 Some(_) => Err(DdmheError::new_err("u_units: expected none without u")),
             };
         };
-        let (u, _, m) = Numbers::matrix("u", u, "(T, m)")?;
+        let (u, _, m) = Numbers::from("u", u)?.into_channels("u", "(T, m)")?;
         let core = core.with_inputs(m, &u).map_err(raise)?;
         let u_units = units("u_units", u_units)?;
         Ok(History { core: core.with_input_units(&u_units).map_err(raise)? })

@@ -1,10 +1,10 @@
 //! `ddmhe.run_many`.
 
-use crate::convert::{DdmheError, Numbers, ShapeError, raise};
+use crate::convert::{DdmheError, ShapeError, raise};
 use crate::frames::Clock;
 use crate::history::History;
 use crate::log::Log;
-use crate::mhe::{DdMhe, inputs};
+use crate::mhe::{DdMhe, inputs, outputs};
 use crate::signals::Signals;
 use crate::words::kind;
 use ddmhe_core::Config;
@@ -178,14 +178,8 @@ impl Given<'_> {
         sizes: impl Fn(usize) -> (usize, usize),
     ) -> PyResult<Vec<(Vec<f64>, Vec<f64>)>> {
         let log = |(k, log): (usize, &Bound<'_, PyAny>)| {
-            let (y, rows, columns) =
-                Numbers::measured("logs", log)?.into_matrix("logs", "(N, p)")?;
             let (p, m) = sizes(k);
-            if columns != p {
-                return Err(ShapeError::new_err(format!(
-                    "logs: expected {p} columns in number {k}, found {columns}"
-                )));
-            }
+            let (y, rows) = outputs(&format!("logs, number {k}"), log, p)?;
             let given = self.inputs.as_ref().map(|inputs| &inputs[k]);
             Ok((y, inputs("inputs", given, (rows, m))?))
         };

@@ -155,7 +155,8 @@ impl DdMhe {
     /// y_t : array (p,), NaN where this entry was not measured.
     /// u : array (m,), the known inputs at the same instant, all of them; None without inputs.
     /// x_bounds : (lo, hi) for this step alone; each side a scalar, (n,), or one row per state of
-    ///     the window (M_t+1, n).
+    ///     the window (M_t+1, n). With x_center="history" they are about this step's centre, as
+    ///     those of construction are, which they replace.
     /// out : float64 array (n,), optional. It receives the state and is returned in the place of
     ///     an Estimate, so that nothing is allocated; all else about the step is in `estimate`.
     #[pyo3(signature = (y_t, u=None, *, x_bounds=None, out=None))]
@@ -255,13 +256,10 @@ impl DdMhe {
         U: Option<&Bound<'_, PyAny>>,
         out: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Log> {
-        let (data, rows, columns) = Numbers::measured("Y", Y)?.into_matrix("Y", "(N, p)")?;
         let mut core = self.core()?;
         let core = &mut *core;
         let (n, p) = (core.n(), core.p());
-        if columns != p {
-            return Err(ShapeError::new_err(format!("Y: expected {p} columns, found {columns}")));
-        }
+        let (data, rows) = outputs("Y", Y, p)?;
         let inputs = inputs("U", U, (rows, core.history().m()))?;
         let room = out.map(|out| writable::<Ix2>("out", out, &[rows, n])).transpose()?;
         let clock = Clock::of(core);
@@ -426,6 +424,22 @@ impl DdMhe {
     }
 }
 
+/// The outputs of a log (N, p), and N; of one output (N,), too.
+pub fn outputs(argument: &str, given: &Bound<'_, PyAny>, p: usize) -> PyResult<(Vec<f64>, usize)> {
+    let numbers = Numbers::measured(argument, given)?;
+    let made = if p == 1 {
+        numbers.into_channels(argument, "(N, p)")
+    } else {
+        numbers.into_matrix(argument, "(N, p)")
+    };
+    let (data, rows, columns) = made?;
+    if columns == p {
+        return Ok((data, rows));
+    }
+    let hint = if rows == p { ", in an array that looks transposed" } else { "" };
+    Err(ShapeError::new_err(format!("{argument}: expected {p} columns, found {columns}{hint}")))
+}
+
 /// The known inputs of a log of so many samples (N·m numbers), which are to be there where the
 /// recording has inputs.
 pub fn inputs(
@@ -434,7 +448,11 @@ pub fn inputs(
     (samples, m): (usize, usize),
 ) -> PyResult<Vec<f64>> {
     let Some(given) = given else { return Ok(Vec::new()) };
-    let (data, rows, columns) = Numbers::matrix(argument, given, "(N, m)")?;
+    let numbers = Numbers::from(argument, given)?;
+    let (data, rows, columns) = match m {
+        1 => numbers.into_channels(argument, "(N, m)")?,
+        _ => numbers.into_matrix(argument, "(N, m)")?,
+    };
     if (rows, columns) == (samples, m) {
         return Ok(data);
     }

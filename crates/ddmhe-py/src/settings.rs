@@ -6,7 +6,7 @@
 
 use crate::certificate;
 use crate::convert::{
-    DdmheError, Numbers, ShapeError, flag, number, pair, raise, side, text, tuple, whole,
+    DdmheError, Numbers, ShapeError, flag, number, pair, pairs, raise, side, text, tuple, whole,
 };
 use crate::history::{Channels, History};
 use crate::spaces;
@@ -116,6 +116,10 @@ impl<'py> Given<'_, 'py> {
 
     /// (lo, hi), each a scalar or as `vector`.
     fn bounds(&self, len: Option<usize>) -> PyResult<Bounds> {
+        let each = len.map(|len| pairs(self.name, self.value, len)).transpose()?.flatten();
+        if let Some((lo, hi)) = each {
+            return Ok(Bounds { lo, hi });
+        }
         let [lo, hi] = &pair(self.name, "a pair (lo, hi)", self.value)?;
         let side = |value| {
             let numbers = Numbers::from(self.name, value)?;

@@ -180,6 +180,8 @@ def _begun(lines: Lines, source: Iterator[str], given: dict[str, Any]) -> tuple[
     columns = (given["state"], given["output"], given.get("input") or ())
     usual: dict[str, Any] = {option.name: option.default for option in fields(Reading)}
     how = Reading(**{name: given[name] or value for name, value in usual.items()})
+    if how.resample is not None:
+        raise LogError("resample: expected without --follow, found both")
     parts = [pick(other, columns, how) for other in given["recording"]]
     head: list[str] = []
     wanted = FIRST

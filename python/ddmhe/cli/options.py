@@ -105,6 +105,12 @@ _HOW_TO_READ: list[Callable[[Any], Any]] = [
         show_default=True,
         help="Which row of a repeated time counts.",
     ),
+    click.option(
+        "--resample",
+        type=float,
+        metavar="S",
+        help="Put the log on even steps, s, by straight lines.  [default: nothing is resampled]",
+    ),
     click.option("--sort", is_flag=True, help="Put the rows in the order of time."),
     click.option("--sep", metavar="C", help="What parts the cells; tab, space.  [default: seen]"),
     click.option("--decimal", metavar=".|,", help="Decimal mark.  [default: seen]"),

@@ -182,7 +182,8 @@ def mat_table(path: str, source: Path | IO[bytes], asked: Sequence[str]) -> Tabl
     except Exception as e:  # the reader raises whatever a damaged file makes it stumble over
         raise LogError(f"{path}: expected a whole MAT file, found another ({reason(e)})") from e
     arrays = {k: v for k, v in stored.items() if not k.startswith("__")}
-    if arrays and all(np.asarray(v).dtype.kind == "O" for v in arrays.values()):
+    structures = [v for v in arrays.values() if isinstance(v, Mapping)]
+    if arrays and not structures and all(np.asarray(v).dtype.kind == "O" for v in arrays.values()):
         raise LogError(
             f"{path}: expected variables with numbers, found objects of MATLAB; of a table T, "
             "S = table2struct(T, 'ToScalar', true); save(file, '-struct', 'S') makes some"

@@ -116,7 +116,7 @@ def nominal_step(path: str, t: Array, nominal: float, decimate: int) -> float:
     if bad.mean() > JITTERY_SHARE:
         raise LogError(
             f"{path}: expected regular sampling, found {bad.mean():.0%} of the steps off the "
-            f"nominal {dt:.4g} s by more than {JITTER:.0%}; resample the log to even steps, or "
-            "give --dt SECONDS if only the stamps are uneven"
+            f"nominal {dt:.4g} s by more than {JITTER:.0%}; --resample SECONDS puts the log on "
+            "even steps, --dt SECONDS does if only the stamps are uneven"
         )
     return dt

@@ -23,10 +23,11 @@ from ddmhe.recordings.log import Gap, Log
 from ddmhe.recordings.oddities import unwrapped
 from ddmhe.recordings.options import Reading, check_texts
 from ddmhe.recordings.order import Order, ordered, piece_of
+from ddmhe.recordings.resampled import resampled
 from ddmhe.recordings.sources import piece_in, table_of
 from ddmhe.recordings.stamps import Stamps, counted, read_stamps
 from ddmhe.recordings.table import Table
-from ddmhe.recordings.time_column import time_column, with_joined_time
+from ddmhe.recordings.time_column import time_column, with_joined_time, with_plain_durations
 
 Array = NDArray[np.float64]
 
@@ -80,7 +81,7 @@ def read_log(
         also a state stays in place as a state.
     how
         The other options of `read`: time_unit, dt, sep, decimal, comment, encoding, duplicates,
-        sort.
+        sort, resample.
 
     Raises
     ------
@@ -116,6 +117,9 @@ def log_with_table(
         table, stamps = piece_of(table, stamps, piece)
     order = ordered(table, stamps, name, how.duplicates, how.sort)
     stamps = stamps.rows(order.rows)
+    if how.resample is not None and len(table) > 1:
+        table, stamps, order = resampled(table, stamps, order, names, how)
+        how = replace(how, unwrap=(), missing=())
     return _sampled(table, replace(names, time=name), stamps, order, how), table, stamps
 
 
@@ -134,6 +138,7 @@ def _clocked(table: Table, asked: Names, how: Reading) -> tuple[Table, Stamps, s
         while name in (*asked.state, *asked.output, *asked.input):
             name += "_"
         return table.noted(f"rows {how.dt:g} s apart"), counted(len(table), float(how.dt)), name
+    table = with_plain_durations(table)
     if how.time is None:
         table = with_joined_time(table)
     name, known = time_column(table, asked, how.time)

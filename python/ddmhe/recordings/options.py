@@ -34,6 +34,7 @@ class Reading:
     duplicates: str = "error"
     sort: bool = False
     delay: float | Mapping[str, float] = 0.0
+    resample: float | None = None
 
     def __post_init__(self) -> None:
         """Each option on its own."""
@@ -53,6 +54,12 @@ class Reading:
             raise LogError(f"start: expected a time in seconds, found {shown(self.start)}")
         if self.dt is not None and not (is_real(self.dt) and 0 < self.dt <= LARGEST):
             raise LogError(f"dt: expected a positive number of seconds, found {shown(self.dt)}")
+        if self.resample is not None and not (
+            is_real(self.resample) and 0 < self.resample <= LARGEST
+        ):
+            raise LogError(
+                f"resample: expected a positive number of seconds, found {shown(self.resample)}"
+            )
         if self.dt is not None and (self.time is not None or self.time_unit is not None):
             raise LogError("dt: expected without time or time_unit, found both")
         whole = isinstance(self.decimate, int | np.integer)

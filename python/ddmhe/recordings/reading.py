@@ -100,6 +100,7 @@ def read(
     gaps: str = "fill",
     unwrap: Sequence[str] = (),
     delay: float | Mapping[str, float] = 0.0,
+    resample: float | None = None,
 ) -> Recorded:
     """Read logs: the recording to learn from, and the outputs to estimate from.
 
@@ -139,6 +140,9 @@ def read(
         Columns of angles to be made continuous.
     delay
         By how much outputs are late, s: one number, or numbers by their names.
+    resample
+        Put the log on even steps of so many seconds: states and outputs on straight lines between
+        measured values, inputs held. None: nothing is resampled.
 
     Raises
     ------
@@ -147,7 +151,7 @@ def read(
     """
     how = Reading(
         time, start, decimate, missing, unwrap, time_unit, dt, sep, decimal, comment, encoding,
-        duplicates, sort, delay,
+        duplicates, sort, delay, resample,
     )  # fmt: skip
     choice("gaps", gaps, GAPS)
     sources = list(src) if isinstance(src, list | tuple) else [src]

@@ -45,10 +45,10 @@ MAGIC = (
     (b"MATLAB 5.0", "mat"),
     (b"\x93NUMPY", "npy"),
     (b"\x89MCAP0\r\n", "mcap"),
+    (b"SQLite format 3\0", "bag"),
+    (b"#ROSBAG V", "bag"),
 )
 UNREAD = (
-    (b"SQLite format 3", "a database, of a ROS 2 bag perhaps; `ros2 bag convert` makes MCAP of it"),
-    (b"#ROSBAG V", "a bag of ROS 1; `rosbags-convert` or `mcap convert` makes MCAP of it"),
     (b"ULog\x01", "a ULog of PX4; `ulog2csv` or `mcap convert` makes tables of it"),
     (b"TDSm", "a TDMS file; nptdms writes it as CSV or HDF5"),
     (b"MDF     ", "an MDF file; asammdf writes it as CSV, Parquet or MAT"),
@@ -123,7 +123,7 @@ def table_of(src: Any, asked: Sequence[str], how: Reading) -> Table:
 
 
 def _folder(path: str, place: Path, asked: Sequence[str], how: Reading) -> Table:
-    """The table of a ROS 2 bag: a folder with one MCAP file."""
+    """The table of a ROS 2 bag: a folder with one MCAP file, or with databases."""
     inside = sorted(place.glob("*.mcap"))
     if len(inside) == 1:
         return table_of(inside[0], asked, how)
@@ -132,8 +132,13 @@ def _folder(path: str, place: Path, asked: Sequence[str], how: Reading) -> Table
             f"{path}: expected a log file or a bag of one MCAP file, found {len(inside)} of them; "
             "give one of them, and others as --recording"
         )
-    if list(place.glob("*.db3")):
-        raise LogError(f"{path}: expected a log file, found {UNREAD[0][1]}")
+    databases = sorted(place.glob("*.db3"))
+    if len(databases) == 1:
+        return table_of(databases[0], asked, how)
+    if databases:
+        from ddmhe.recordings.bag_log import bag_table
+
+        return bag_table(path, place, asked)
     raise LogError(f"{path}: expected a readable log file, found that it is not (Is a directory)")
 
 
@@ -191,6 +196,7 @@ _FILES = {
     "npz": ("arrays", "npz_table"),
     "npy": ("arrays", "npy_table"),
     "mcap": ("mcap_log", "mcap_table"),
+    "bag": ("bag_log", "bag_table"),
 }
 """Module and function that read a format."""
 

@@ -17,7 +17,10 @@ SECOND = 10**9
 DAY = 86_400 * SECOND
 _DATE = r"""(?:(?P<Y>\d{4})[-/.](?P<m>\d{1,2})[-/.](?P<d>\d{1,2})
     |(?P<a>\d{1,2})(?P<mark>[-/.])(?P<b>\d{1,2})[-/.](?P<c>\d{4})
-    |(?P<compact>\d{8}(?=[T ])))"""
+    |(?P<compact>\d{8}(?=[T ]))
+    |(?P<day>\d{1,2})[-/.\s](?P<month>[A-Za-z]{3})[a-z]*\.?[-/.,\s]\s?(?P<year>\d{4})
+    |(?P<month2>[A-Za-z]{3})[a-z]*\.?\s+(?P<day2>\d{1,2}),?\s+(?P<year2>\d{4}))"""
+_MONTHS = "jan feb mar apr may jun jul aug sep oct nov dec".split()  # noqa: SIM905
 _CLOCK = r"""(?P<H>\d{1,3}):(?P<M>\d{2})(?::(?P<S>\d{2}))?(?:[.,](?P<f>\d{1,9}))?
     \s*(?P<half>[AaPp][Mm])?\s*(?P<zone>Z|UTC|[+-]\d{2}(?::?\d{2})?)?"""
 _COMPACT = r"(?P<H2>\d{2})(?P<M2>\d{2})(?P<S2>\d{2})(?:[.,](?P<f2>\d{1,9}))?(?P<zone2>Z)?"
@@ -117,6 +120,10 @@ def _time(part: dict[str, str | None], day_first: bool) -> int:
     numbers: tuple[str | None, ...]
     if part["Y"] is not None:
         numbers = part["Y"], part["m"], part["d"]
+    elif part["month"] is not None:
+        numbers = part["year"], _month(part["month"]), part["day"]
+    elif part["month2"] is not None:
+        numbers = part["year2"], _month(part["month2"]), part["day2"]
     elif part["compact"] is not None:
         numbers = part["compact"][:4], part["compact"][4:6], part["compact"][6:]
     else:
@@ -126,6 +133,11 @@ def _time(part: dict[str, str | None], day_first: bool) -> int:
     if part["H2"] is not None:
         return days * DAY + _clock({k[:-1]: v for k, v in part.items() if k.endswith("2")})
     return days * DAY + (0 if part["H"] is None else _clock(part) - _zone(part))
+
+
+def _month(name: str) -> str:
+    """The number of a month; ValueError for a name that is not English."""
+    return str(_MONTHS.index(name.lower()) + 1)
 
 
 @lru_cache(maxsize=64)

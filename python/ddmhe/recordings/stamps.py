@@ -111,6 +111,22 @@ class Stamps:
             written[row] = text
         return replace(self, written=written, ns=ns)
 
+    def after(self, seconds: Array) -> Stamps:
+        """Times this long after the first row, written as that is: whole numbers where the times
+        are."""
+        if self.ns is None:
+            first, later = np.asarray(self.written)[0], seconds * self.per_second
+            whole = np.asarray(self.written).dtype.kind == "i" and np.allclose(
+                later, np.rint(later), rtol=0, atol=1e-6
+            )
+            written = np.rint(later).astype(np.int64) + first if whole else first + later
+            return replace(self, written=written)
+        ns = self.ns[0] + np.rint(seconds * SECOND).astype(np.int64)
+        if isinstance(self.written, np.ndarray):
+            kind = self.written.dtype.kind
+            return replace(self, written=ns.astype(f"{kind}8[ns]"), ns=ns)
+        return replace(self, written=[written_like(self.written[0], int(k)) for k in ns], ns=ns)
+
 
 def counted(size: int, dt: float) -> Stamps:
     """Times of rows that have none, from 0 s on, `dt` s apart."""

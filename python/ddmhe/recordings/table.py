@@ -52,7 +52,7 @@ class Table:
         """Which column a name means; None if no one or several.
 
         It is the name of the header, or else, where groups are nested, one that only one column
-        ends with; "." and "/" part groups alike."""
+        ends with; "." and "/" part groups alike, and a line's end in a name is like a blank."""
         if name in self.header:
             return list(self.header).index(name) if self.header.count(name) == 1 else None
         asked = _plain(name)
@@ -131,4 +131,4 @@ class Table:
 
 
 def _plain(name: str) -> str:
-    return name.strip("/").replace("/", ".")
+    return " ".join(name.strip("/").replace("/", ".").split())

@@ -10,6 +10,7 @@ import numpy as np
 
 from ddmhe.checks import reason
 from ddmhe.recordings.cells import says_nothing
+from ddmhe.recordings.dialects import plain_lines
 from ddmhe.recordings.errors import LogError
 from ddmhe.recordings.habits import NAMES, Habit, cells_of, decimal_of, habit_of, is_number
 from ddmhe.recordings.stamp_texts import is_stamp
@@ -42,7 +43,7 @@ def text_table(
     """The table of a text file in which the columns `asked` are looked for; LogError in one
     sentence for what is none."""
     text, found = decode(path, data, encoding)
-    lines = lines_of(text, comment)
+    lines, dialect = plain_lines(lines_of(text, comment))
     if not any(row.strip() for row in lines.rows):
         raise LogError(f"{path}: expected a header line and samples, found an empty file")
     habit = habit_of(path, lines, sep, asked)
@@ -58,7 +59,7 @@ def text_table(
     if decimal is None and mark == ",":
         notes.append("decimal comma")
     above = _above(lines, habit)
-    said = (*_of_separator(habit), *notes, *above, *more, *of_units, *cut)
+    said = (*dialect, *_of_separator(habit), *notes, *above, *more, *of_units, *cut)
     return replace(table, decimal=mark, grouped=grouped, notes=said, sep=habit.sep)
 
 

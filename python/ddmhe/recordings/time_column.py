@@ -17,7 +17,7 @@ from ddmhe.recordings.table import Cells, Table
 from ddmhe.recordings.time_units import epoch_unit, is_time_name, unit_in_name, unit_word
 from ddmhe.recordings.units import unit_of
 
-__all__ = ["time_column", "with_joined_time"]
+__all__ = ["time_column", "with_joined_time", "with_plain_durations"]
 
 LOOKED_AT = 2000
 """Cells of a column that are looked at."""
@@ -28,6 +28,7 @@ RISING = 0.9
 _SECONDS = re.compile(r"(?P<stem>.*?)(?P<word>secs?|seconds)\Z", re.IGNORECASE)
 _NANOS = ("nanos", "nsec", "nsecs", "nanosec", "nanoseconds", "nanosecs")
 _JOINED = "time"
+_DURATION = re.compile(r"\s*([+-]?[\d.,]+(?:[eE][+-]?\d+)?)\s*([a-zµμ]+)\s*\Z")
 
 
 def time_column(table: Table, asked: Names, time: str | None) -> tuple[str, str]:
@@ -147,6 +148,21 @@ def _since_epoch(table: Table, name: str) -> bool:
     if values is None or values.size < 2 or not np.isfinite(values).all():
         return False
     return epoch_unit(values) is not None and bool(np.mean(np.diff(values) > 0) > RISING)
+
+
+def with_plain_durations(table: Table) -> Table:
+    """The table with times like "0.02 sec" as numbers, whose unit is said."""
+    units, columns, told = dict(table.units), list(table.columns), []
+    for k, (name, cells) in enumerate(zip(table.header, table.columns, strict=True)):
+        first = None if isinstance(cells, np.ndarray) or not cells else _DURATION.match(cells[0])
+        if first is None or not (is_time_name(name) or k == 0) or unit_word(first[2]) is None:
+            continue
+        found = [_DURATION.match(cell) for cell in cells]
+        if all(match is not None and match[2] == first[2] for match in found):
+            columns[k] = [match[1] for match in found if match is not None]
+            units[name] = first[2]
+            told.append(f"{first[2]} in the cells of {shown(name)}")
+    return replace(table, columns=columns, units=units).noted(*told) if told else table
 
 
 def with_joined_time(table: Table) -> Table:
