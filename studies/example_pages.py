@@ -13,6 +13,7 @@ import numpy as np
 import pandas as pd
 
 import ddmhe
+from ddmhe.report.web import Source
 
 ROOT = Path(__file__).parents[1]
 DATA = Path(os.environ.get("DDMHE_DATA", ROOT / "../shared/data"))
@@ -51,11 +52,31 @@ def page(command: str, log: pd.DataFrame | None, folder: Path) -> None:
     print(f"{made.name}: {made.stat().st_size / 1e3:.0f} kB")
 
 
+def rigid_body(record: ddmhe.models.Recording) -> None:
+    """The satellite again, by Euler's equation; of 20 s rates are recorded, to 1e-6 rad/s."""
+    history = ddmhe.History(record.x[:201], record.y[:200], dt=0.1, x_units="rad/s", y_units="N m")
+    est = ddmhe.RigidBodyMhe(history, x_noise=1e-6)
+    log = est.run(record.y[200:-1])
+    path = PAGES / "rigid-body.html"
+    ddmhe.report.html(
+        est,
+        log,
+        path,
+        truth=record.x[201:],
+        t=record.t[201:],
+        names={"state": ["wx", "wy", "wz"], "output": ["tx", "ty", "tz"]},
+        history=history,
+        source=Source(log="detumbling.csv", recorded=(record.t[:201], record.x[:201])),
+    )
+    print(f"{path.name}: {path.stat().st_size / 1e3:.0f} kB")
+
+
 def main() -> None:
     """Write every page."""
     PAGES.mkdir(exist_ok=True)
     satellite = ddmhe.models.detumbling().simulate(60.0, 0.1, noise=0.01, seed=1)
     states, outputs = "wx,wy,wz", "tx,ty,tz"
+    rigid_body(satellite)
     swing = ddmhe.models.pendulum().simulate(30.0, 0.05, noise=0.01, seed=1)
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)

@@ -3,7 +3,6 @@ browser: test_report_browser.py."""
 
 import json
 import re
-from dataclasses import dataclass
 from html.parser import HTMLParser
 from types import SimpleNamespace
 
@@ -16,7 +15,7 @@ from ddmhe.baselines import KoopmanMhe
 from ddmhe.baselines.base import Log
 from ddmhe.report.web.document import LEAST
 from ddmhe.report.web.evidence import autocorrelation
-from ddmhe.report.web.numbers import curve_text
+from ddmhe.report.web.numbers import curve_text, plus_minus
 from ddmhe.report.web.setup import window_spectrum
 from ddmhe.report.web.thinning import Thinning, spans_of
 
@@ -231,31 +230,30 @@ def test_a_polynomial_model_has_a_page(run, recording, tmp_path):
     )
 
 
-@dataclass
-class Body:
-    """What `RigidBodyMhe.report()` returns, by the names of its contract."""
-
-    chi = np.array([1.0, 0.9, 1.2, 3.5])
-    limits = np.array([1.5, 1.5, 2.0, 2.0])
-    evidence = -12.5
-    optima = ((10.0, -12.5, np.diag([0.5, 1.0, 1.5])), (11.0, -14.0, np.diag([0.6, 1.0, 1.4])))
-    inertia = np.diag([0.5, 1.0, 1.5])
-    inertia_std = np.full((3, 3), 0.0123)
-    unseen = np.array([0.0, 0.6, 0.8])
-    words = ("the motion is explained", "two optima are kept")
-
-
-def test_what_is_known_of_a_rigid_body_is_a_section(run, tmp_path):
-    known = SimpleNamespace(report=Body, p=3, warnings=["<i>"])
-    ddmhe.report.html(known, run[1], tmp_path / "page.html")
-    words = Words((tmp_path / "page.html").read_text()).sections["body"]
-    for text in ("1.5 ± 0.0123", "(0.000, 0.600, 0.800)", "two optima are kept", "0.600, 1.000"):
-        assert text in words
-    assert words.count("yes") == 3
+def test_what_is_known_of_a_rigid_body_is_a_section(tmp_path):
+    record = ddmhe.models.detumbling().simulate(60.0, 0.1, noise=0.01, seed=1)
+    history = ddmhe.History(record.x[:201], record.y[:200], dt=0.1)
+    est = ddmhe.RigidBodyMhe(history, x_noise=1e-6)
+    page = tmp_path / "page.html"
+    log = est.run(record.y[200:-1])
+    ddmhe.report.html(est, log, page, truth=record.x[201:], history=history)
+    found, words = est.report(), Words(page.read_text()).sections
+    assert set(words) >= {"estimate", "errors", "doubt", "evidence", "body", "warnings"}
+    assert all(sentence in words["body"] for sentence in found.words)
+    assert plus_minus(found.inertia[0, 0], found.inertia_std[0, 0]) in words["body"]
+    assert ", ".join(f"{part:.3f}" for part in found.unseen) in words["body"]
+    assert words["body"].count("yes") == np.sum(found.chi <= found.limits)
     nothing = SimpleNamespace(report=lambda: None, p=3)
-    ddmhe.report.html(nothing, run[1], tmp_path / "page.html")
-    words = Words((tmp_path / "page.html").read_text()).sections["body"]
-    assert "No rigid body was fitted" in words
+    ddmhe.report.html(nothing, log, page)
+    assert "No rigid body was fitted" in Words(page.read_text()).sections["body"]
+
+
+def test_a_deviation_says_how_many_digits_there_are():
+    assert plus_minus(1.13455039, 2.02e-5) == "1.134550 ± 0.000020"
+    assert plus_minus(-123.456, 7.0) == "-123.5 ± 7.0"
+    assert plus_minus(123456.0, 700.0) == "123456 ± 700"
+    assert plus_minus(1.5, 0.0) == "1.5 ± 0"
+    assert plus_minus(1.5, np.nan) == "1.5 ± unknown"
 
 
 def test_a_run_without_evidence(run, recording, tmp_path):

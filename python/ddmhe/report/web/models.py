@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ddmhe.report.web.numbers import number
+from ddmhe.report.web.numbers import number, plus_minus
 from ddmhe.report.web.parts import Items, Section, Table, Text
 from ddmhe.report.web.run import Run
 
@@ -38,10 +38,7 @@ def rigid_section(run: Run) -> Section | None:
 
 def _inertia(found: Any) -> Table:
     inertia, std = np.asarray(found.inertia), np.asarray(found.inertia_std)
-    rows = [
-        (AXES[i], *(f"{number(inertia[i, j])} ± {number(std[i, j])}" for j in range(3)))
-        for i in range(3)
-    ]
+    rows = [(AXES[i], *(plus_minus(inertia[i, j], std[i, j]) for j in range(3))) for i in range(3)]
     caption = "Inertia of trace 3, for its scale cannot be seen, ± one standard deviation"
     return Table(caption, ("", *AXES), rows)
 

@@ -10,7 +10,16 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-__all__ = ["curve_text", "listed", "number", "percent", "seconds", "times", "with_unit"]
+__all__ = [
+    "curve_text",
+    "listed",
+    "number",
+    "percent",
+    "plus_minus",
+    "seconds",
+    "times",
+    "with_unit",
+]
 
 STEPS = 2e4
 """Steps into which the range of a curve is cut: ten a pixel of a large screen."""
@@ -39,6 +48,14 @@ def number(value: float) -> str:
     if math.isnan(value):
         return "unknown"
     return f"{value:.3g}" if math.isfinite(value) else "without bound"
+
+
+def plus_minus(value: float, deviation: float) -> str:
+    """A number and its standard deviation, both to the second digit of this."""
+    if not (math.isfinite(value) and math.isfinite(deviation) and deviation > 0):
+        return f"{number(value)} ± {number(deviation)}"
+    digits = min(max(1 - math.floor(math.log10(deviation)), 0), 12)
+    return f"{value:.{digits}f} ± {deviation:.{digits}f}"
 
 
 def with_unit(value: float, unit: str) -> str:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from ddmhe._core import DdMhe
 from ddmhe.reasons import Reason
 from ddmhe.report.measures import nrmse, rmse
 from ddmhe.report.trust import BARS, share_words
@@ -39,7 +40,7 @@ def _what(run: Run) -> str:
         ""
         if history is None
         else f", learnt from a recording of {history.T} samples "
-        f"({history.T * history.dt:.4g} s) and no model"
+        f"({history.T * history.dt:.4g} s)" + (" and no model" * isinstance(run.est, DdMhe))
     )
     many = len(run.states) > 1
     span = (
@@ -106,4 +107,6 @@ def _of_spread(share: float) -> str:
     """An error over the spread of its state, in words."""
     if np.isnan(share):
         return "its state never changes"
+    if share < 0.001:
+        return "less than 0.1 % of its spread"
     return f"{percent(share)} of its spread" if share < 1 else f"{share:.3g} times its spread"
