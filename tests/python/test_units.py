@@ -183,6 +183,8 @@ def test_a_channel_that_hardly_moves_does_not_blow_up_its_noise():
     ("name", "unit"),
     [
         ("omega_x_rad_s", "rad/s"),
+        ("tz_N_m", "N m"),
+        ("torque_kN_m", "kN m"),
         ("acc_z_m_s2", "m/s2"),
         ("nin2_V", "V"),
         ("px_m", "m"),

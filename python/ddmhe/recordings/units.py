@@ -18,6 +18,7 @@ _TOKENS = frozenset(
 )
 """Units that may end a column's name; letters that also number or name things (C, F, g, h, L) are
 left out."""
+_TORQUES = frozenset(("N/m", "kN/m", "mN/m"))
 _TOKEN = re.compile(r"([A-Za-z]+)([2-4]?)\Z")
 _PARTS = re.compile(r"[\s/·⋅*^.()+\-\d²³]+")
 _MORE = frozenset("% ° °C °F C g h d Nm sec usec msec ns µs".split())  # noqa: SIM905
@@ -30,7 +31,7 @@ def unit_of(name: str) -> str:
 
     It stands in brackets at the end, ``rate [rad/s]``, or follows underscores, ``omega_x_rad_s`` or
     ``acc_z_m_s2``: the longest tail of known units that leaves something of the name; of several
-    the ones after the first divide."""
+    the ones after the first divide, but for metres after a force: ``tz_N_m`` is a torque."""
     bracketed = _BRACKETS.search(name)
     if bracketed:
         return bracketed.group(1)
@@ -38,7 +39,8 @@ def unit_of(name: str) -> str:
     first = len(tokens)
     while first > 1 and _known(tokens[first - 1]):
         first -= 1
-    return "/".join(tokens[first:])
+    unit = "/".join(tokens[first:])
+    return unit.replace("/", " ") if unit in _TORQUES else unit
 
 
 def is_unit(text: str) -> bool:
