@@ -6,7 +6,7 @@
 	instructions wheel test-wheel study-defaults study-certificates study-tuning study-promise \
 	study-sensitivity study-reproduction study-intervals study-estimators study-disturbance \
 	study-stated-noise study-evidence study-faults study-inputs study-lifted study-pages \
-	study-plot-libraries example-pages clean
+	study-reach study-plot-libraries example-pages clean
 
 PY := .venv/bin/python
 # The build belongs to .venv, whatever environment the shell is in.
@@ -143,6 +143,9 @@ study-faults: setup ## which faults of outputs are seen, when; docs/measured/evi
 
 study-lifted: setup ## the polynomial model beside the affine one; docs/lifted.md
 	OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 $(PY) studies/lifted.py
+
+study-reach: setup ## how far estimates of a tumbling body reach; docs/measured/reach.md
+	OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 $(PY) studies/reach.py
 
 study-pages: setup ## sizes and times of pages on long runs; docs/report.md
 	OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 $(PY) studies/pages.py

@@ -4,7 +4,7 @@ use crate::error::Error;
 use crate::rigid::recording::Recording;
 use ddmhe_run::rigid::anchoring::{OPTIMA, Optima};
 use ddmhe_run::rigid::motion::Steps;
-use ddmhe_run::rigid::stepper::{SCHEDULE, Work, last_fit, slice};
+use ddmhe_run::rigid::stepper::{Work, last_fit, slice};
 use ddmhe_run::rigid::{Anchoring, Body, Data, Filter, Misfit, Posterior, Stepper};
 use serde::{Deserialize, Serialize};
 
@@ -16,6 +16,7 @@ pub(crate) struct Saved {
     filter: Vec<f64>,
     later: Vec<f64>,
     fits: usize,
+    begun: usize,
     work: SavedWork,
 }
 
@@ -25,8 +26,9 @@ enum SavedWork {
     /// Nothing.
     #[default]
     None,
-    /// Fits: their starts, the number of outputs, and how often they were advanced.
-    Fits(Vec<Vec<f64>>, usize, usize),
+    /// Fits: their starts, the number of outputs, how often they were advanced, the optimum other
+    /// than the best that they begin at, too, and whether they try the other prior on offsets.
+    Fits(Vec<Vec<f64>>, usize, usize, usize, bool),
     /// A filter on its way to the newest output: optima, filter, and the next output.
     Replay(Vec<Vec<f64>>, Vec<f64>, usize),
 }
@@ -39,9 +41,9 @@ impl Saved {
         let Some(stepper) = stepper else { return Saved::default() };
         let work = match &stepper.work {
             None => SavedWork::None,
-            Some(Work::Fits(fits, calls)) => {
+            Some(Work::Fits(fits, calls, other)) => {
                 let starts = fits.starts().map(|(body, z)| [of_body(body), z.to_vec()].concat());
-                SavedWork::Fits(starts.collect(), fits.end(), *calls)
+                SavedWork::Fits(starts.collect(), fits.end(), *calls, *other, fits.settles())
             }
             Some(Work::Replay(optima, filter, next)) => {
                 SavedWork::Replay(of_optima(optima), of_filter(filter), *next)
@@ -52,6 +54,7 @@ impl Saved {
             filter: of_filter(&stepper.filter),
             later: later.as_flattened().to_vec(),
             fits: stepper.fits,
+            begun: stepper.begun,
             work,
         }
     }
@@ -71,10 +74,10 @@ impl Saved {
         let mut stepper = new.ok_or_else(wrong)?;
         let (later, rest) = self.later.as_chunks::<P>();
         let infinite = self.later.iter().any(|v| v.is_infinite());
-        if !rest.is_empty() || infinite || self.fits > SCHEDULE.len() {
+        if !rest.is_empty() || infinite || self.fits > later.len() + 1 || self.begun > later.len() {
             return Err(wrong());
         }
-        (stepper.t, stepper.fits) = (later.len(), self.fits);
+        (stepper.t, stepper.fits, stepper.begun) = (later.len(), self.fits, self.begun);
         let steps = recording.steps();
         stepper.optima = read_optima(&stepper, steps, &self.optima).ok_or_else(wrong)?;
         stepper.filter = read_filter(&stepper, &stepper.optima, &self.filter).ok_or_else(wrong)?;
@@ -96,9 +99,13 @@ impl Saved {
         let steps = recording.steps();
         stepper.work = match &self.work {
             SavedWork::None => None,
-            SavedWork::Fits(starts, end, calls) => {
+            SavedWork::Fits(starts, end, calls, other, settles) => {
                 let all = data.y.len()..data.y.len() + data.later.len() + 1;
-                if starts.len() > OPTIMA + 1 || !all.contains(end) || *calls > stepper.t {
+                if starts.len() > OPTIMA + 1
+                    || !all.contains(end)
+                    || *calls > stepper.t
+                    || *other >= OPTIMA
+                {
                     return Err(wrong());
                 }
                 let base = stepper.best().ok_or_else(wrong)?.motion;
@@ -108,13 +115,13 @@ impl Saved {
                     let body = read_body(&base, steps, &mut from).ok_or_else(wrong)?;
                     read.push((body, from.take().ok_or_else(wrong)?));
                 }
-                let settings = (stepper.size, stepper.known);
+                let settings = (stepper.size, stepper.known, *settles);
                 let fits = Anchoring::new(read.into_iter(), *end, settings);
                 let mut fits = fits.ok_or_else(wrong)?;
                 for _ in 0..*calls {
                     fits.advance(data, slice(P));
                 }
-                Some(Work::Fits(fits, *calls))
+                Some(Work::Fits(fits, *calls, *other))
             }
             SavedWork::Replay(optima, filter, next) => {
                 if *next > stepper.t {

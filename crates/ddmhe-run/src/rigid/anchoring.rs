@@ -48,6 +48,8 @@ pub struct Anchoring<const P: usize, const N: usize> {
     size: f64,
     /// Whether the noise was stated, not read off the recording.
     known: bool,
+    /// Whether the other prior on offsets is tried.
+    settles: bool,
 }
 
 impl<const P: usize, const N: usize> Anchoring<P, N> {
@@ -55,7 +57,7 @@ impl<const P: usize, const N: usize> Anchoring<P, N> {
     pub fn new(
         starts: impl Iterator<Item = (Body<P, N>, [f64; N])>,
         end: usize,
-        (size, known): (f64, bool),
+        (size, known, settles): (f64, bool, bool),
     ) -> Option<Self> {
         let mut own = [const { None }; OPTIMA + 1];
         own.iter_mut().zip(starts).for_each(|(own, start)| *own = Some(start));
@@ -67,12 +69,18 @@ impl<const P: usize, const N: usize> Anchoring<P, N> {
             stage: Stage::Starts(0),
             size,
             known,
+            settles,
         })
     }
 
     /// Where the fits begin.
     pub fn starts(&self) -> impl Iterator<Item = &(Body<P, N>, [f64; N])> {
         self.starts.iter().flatten()
+    }
+
+    /// Whether the other prior on offsets is tried.
+    pub fn settles(&self) -> bool {
+        self.settles
     }
 
     /// How many outputs the fits are of.
@@ -153,7 +161,7 @@ impl<const P: usize, const N: usize> Anchoring<P, N> {
     /// The other prior on offsets.
     fn settle(&mut self, data: &Data<'_, P>) {
         match &self.found[0] {
-            Some(best) if best.misfit.explained(self.known) => {
+            Some(best) if self.settles && best.misfit.explained(self.known) => {
                 let (body, z) = other_offset(best, &data.of_later, OFFSET * self.size);
                 (self.stage, self.fit) = (Stage::Offset, self.of(&body, &z));
             }

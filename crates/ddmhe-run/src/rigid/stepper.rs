@@ -10,8 +10,16 @@ use crate::rigid::posterior::Posterior;
 pub const SCHEDULE: [f64; 12] = [0.25, 0.35, 0.5, 0.7, 1.0, 1.4, 2.0, 2.8, 4.0, 8.0, 16.0, 32.0];
 /// The optima of the recording other than the best are fitted anew up to so many of its lengths.
 const ALTERNATIVES: usize = 4;
-/// Rows of outputs that a step of [`Refit::Sliced`] takes in, and samples that it replays.
-const SLICE: (usize, usize) = (30, 8);
+/// Samples of a fit that a step of [`Refit::Sliced`] takes in, with 1 to 6 outputs: some 30 µs on a
+/// PC.
+const SLICE: [usize; 6] = [43, 29, 20, 14, 10, 7];
+/// Samples that such a step replays.
+const REPLAYED: usize = 8;
+/// Lengths of the recording after which its first fit begins, and by what factor more time is to
+/// have passed at the next.
+const SLICED: (f64, f64) = (0.12, 1.15);
+/// One fit in so many is thorough.
+const THOROUGH: usize = 3;
 
 /// Number of the sample, of `outputs` recorded ones, at which fit `k` anew is due.
 pub fn due(k: usize, outputs: usize) -> Option<usize> {
@@ -25,14 +33,15 @@ pub fn last_fit(outputs: usize) -> usize {
 
 /// Samples of a fit that one step takes in, with p outputs.
 pub const fn slice(p: usize) -> usize {
-    SLICE.0.div_ceil(p)
+    SLICE[p - 1]
 }
 
 /// When all data are fitted anew.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Refit {
-    /// When they are due, a slice with each step: the filter goes on meanwhile, and at the end goes
-    /// on from the fit, with what came since. What becomes due meanwhile is one fit after it.
+    /// One after the other, a slice with each step: the filter goes on meanwhile, and at the end
+    /// goes on from the fit, with what came since. Most are from the filter's parameters alone; one
+    /// in three is thorough: it also begins at another optimum, and tries the other prior on offsets.
     #[default]
     Sliced,
     /// When they are due, in the step that they are due in.
@@ -45,8 +54,9 @@ pub enum Refit {
 #[derive(Debug, Clone, PartialEq)]
 #[allow(clippy::large_enum_variant)] // there is no memory but this
 pub enum Work<const P: usize, const N: usize> {
-    /// Fits, and how often they were advanced.
-    Fits(Anchoring<P, N>, usize),
+    /// Fits, how often they were advanced, and the optimum other than the best that they begin at,
+    /// too; 0: none.
+    Fits(Anchoring<P, N>, usize, usize),
     /// Another filter, on its way from the end of a fit's data to the newest output.
     Replay(Optima<P, N>, Filter<P, N>, usize),
 }
@@ -62,6 +72,8 @@ pub struct Stepper<const P: usize, const N: usize> {
     pub t: usize,
     /// Fits anew so far.
     pub fits: usize,
+    /// Sample at which the last of them began.
+    pub begun: usize,
     /// What goes on beside the filter.
     pub work: Option<Work<P, N>>,
     /// Whether optima are fitted anew, and when.
@@ -82,7 +94,7 @@ impl<const P: usize, const N: usize> Stepper<P, N> {
         (size, known): (f64, bool),
     ) -> Option<Self> {
         let filter = Filter::new(optima[0].as_ref()?, noise);
-        Some(Stepper { filter, optima, t: 0, fits: 0, work: None, refit, size, known })
+        Some(Stepper { filter, optima, t: 0, fits: 0, begun: 0, work: None, refit, size, known })
     }
 
     /// The motion that is believed.
@@ -123,7 +135,7 @@ impl<const P: usize, const N: usize> Stepper<P, N> {
         self.fits > before
     }
 
-    /// Fits all data anew, to the end; whether a rigid body explains them. `data` ends with y(t-1).
+    /// Fits all data anew, to the end, from the filter and from each optimum; whether a rigid body explains them. `data` ends with y(t-1).
     pub fn fit_anew(&mut self, data: &Data<'_, P>) -> bool {
         self.work = None;
         let end = data.y.len() + self.t;
@@ -141,22 +153,24 @@ impl<const P: usize, const N: usize> Stepper<P, N> {
     fn slice(&mut self, data: &Data<'_, P>, limits: Option<&Limits>) {
         match &mut self.work {
             None => {
-                if self.is_due(data) {
-                    let end = data.y.len() + self.t;
-                    self.work = self.starts(data.y.len(), end).map(|fits| Work::Fits(fits, 0));
+                let outputs = data.y.len();
+                let next = (SLICED.0 * outputs as f64).max(SLICED.1 * self.begun as f64);
+                if self.t as f64 >= next && self.t <= last_fit(outputs) {
+                    self.begin(outputs);
                 }
             }
-            Some(Work::Fits(fits, calls)) => {
+            Some(Work::Fits(fits, calls, other)) => {
                 *calls += 1;
                 if fits.advance(data, slice(P)) {
                     let (found, end) = (fits.optima(), fits.end() - data.y.len());
-                    self.follow(found, end);
+                    let other = *other;
+                    self.follow(found, end, other);
                 }
             }
             Some(Work::Replay(optima, filter, next)) => {
                 let Some(best) = &optima[0] else { return };
                 let mut foretold = true;
-                for k in *next..self.t.min(*next + SLICE.1) {
+                for k in *next..self.t.min(*next + REPLAYED) {
                     let mut y = data.later[k];
                     filter.update(&best.motion, &mut y);
                     foretold &= filter.predict(&best.motion);
@@ -173,26 +187,52 @@ impl<const P: usize, const N: usize> Stepper<P, N> {
         }
     }
 
+    /// Begins fits in slices.
+    fn begin(&mut self, outputs: usize) {
+        let thorough = self.fits % THOROUGH == THOROUGH - 1;
+        let kept = self.optima.iter().flatten().count();
+        let other = match thorough && kept > 1 {
+            true => 1 + self.fits / THOROUGH % (kept - 1),
+            false => 0,
+        };
+        let Some(own) = self.own() else { return };
+        let more = self.optima[other].filter(|_| other > 0).map(|f| f.motion.rebased(&f.z));
+        let settings = (self.size, self.known, thorough);
+        let starts = core::iter::once(own).chain(more);
+        let fits = Anchoring::new(starts, outputs + self.t, settings);
+        self.work = fits.map(|fits| Work::Fits(fits, 0, other));
+        (self.fits, self.begun) = (self.fits + 1, self.t);
+    }
+
     /// Sends a filter after the newest output, from the end of a fit's data on, or doubts where no
-    /// optimum explains them.
-    fn follow(&mut self, found: Option<Optima<P, N>>, end: usize) {
+    /// optimum explains them. The optima that were not tried stay.
+    fn follow(&mut self, found: Option<Optima<P, N>>, end: usize, other: usize) {
         let next = found.and_then(|found| self.from(found));
         if next.is_none() {
             self.filter.doubt();
         }
-        self.work = next.map(|(optima, filter)| Work::Replay(optima, filter, end));
+        self.work = next.map(|(mut optima, filter)| {
+            let untried = (1..OPTIMA).filter(|&k| k != other).filter_map(|k| self.optima[k]);
+            let room = optima.iter_mut().filter(|f| f.is_none());
+            room.zip(untried).for_each(|(room, f)| *room = Some(f));
+            Work::Replay(optima, filter, end)
+        });
+    }
+
+    /// Where the filter's parameters would begin.
+    fn own(&self) -> Option<(Body<P, N>, [f64; N])> {
+        let best = self.best()?;
+        let mut own = self.filter.z;
+        own[..3].copy_from_slice(&best.z[..3]);
+        Some(best.motion.rebased(&own))
     }
 
     /// Fits from the filter's parameters and from each optimum that was kept.
     fn starts(&self, outputs: usize, end: usize) -> Option<Anchoring<P, N>> {
-        let best = self.best()?;
-        let mut own = self.filter.z;
-        own[..3].copy_from_slice(&best.z[..3]);
         let from = usize::from(self.t > ALTERNATIVES * outputs);
-        let kept = self.optima.iter().skip(from).flatten().map(|f| (f.motion, f.z));
-        let starts = core::iter::once((best.motion, own)).chain(kept).take(OPTIMA + 1);
-        let starts = starts.map(|(body, z)| body.rebased(&z));
-        Anchoring::new(starts, end, (self.size, self.known))
+        let kept = self.optima.iter().skip(from).flatten().map(|f| f.motion.rebased(&f.z));
+        let starts = core::iter::once(self.own()?).chain(kept).take(OPTIMA + 1);
+        Anchoring::new(starts, end, (self.size, self.known, true))
     }
 
     /// The filter that goes on from the best of these.
