@@ -89,7 +89,9 @@ impl History {
         let dt = dt.map_or(Ok(1.0), |dt| number("dt", dt))?;
         let (x, states, n) = Numbers::from("x", x)?.into_channels("x", "(T+1, n)")?;
         let (y, outputs, p) = Numbers::from("y", y)?.into_channels("y", "(T, p)")?;
-        if n == p + 1 && n > 2 && states < n && outputs > 0 {
+        // shapes that fit both ways are a short recording as long as they are not far from square
+        let other_way = n == p + 1 && n > 2 && states < n && outputs > 0;
+        if other_way && (states != outputs + 1 || n > 4 * states) {
             return Err(ShapeError::new_err(format!(
                 "x, y: expected arrays (T+1, n) and (T, p), row k the sample k, found ({states}, \
                  {n}) and ({outputs}, {p}), which look transposed: x.T, y.T"
