@@ -43,7 +43,7 @@ from noisy_systems import (
 )
 from targets import AFTER, LEVELS, detumbled
 
-RUNS = int(os.environ.get("RUNS", "400"))
+RUNS = int(os.environ.get("RUNS", "1000"))
 """Of each linear family with the default; a quarter of it with weights="scaled"."""
 FEW = max(RUNS // 40, 1)
 """Of what is not linear and of one make."""
