@@ -135,7 +135,8 @@ impl<const P: usize, const N: usize> Stepper<P, N> {
         self.fits > before
     }
 
-    /// Fits all data anew, to the end, from the filter and from each optimum; whether a rigid body explains them. `data` ends with y(t-1).
+    /// Fits all data anew, to the end, from the filter and from each optimum; whether a rigid body
+    /// explains them. `data` ends with y(t-1).
     pub fn fit_anew(&mut self, data: &Data<'_, P>) -> bool {
         self.work = None;
         let end = data.y.len() + self.t;
