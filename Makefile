@@ -3,7 +3,7 @@
 .DEFAULT_GOAL := help
 .NOTPARALLEL:
 .PHONY: help setup packages demo test test-long fuzz audit lint docs bench bench-latency bench-peers \
-	instructions wheel test-wheel study-defaults study-certificates study-tuning study-promise \
+	instructions wheel test-wheel workflows release-check study-defaults study-certificates study-tuning study-promise \
 	study-sensitivity study-reproduction study-intervals study-estimators study-disturbance \
 	study-stated-noise study-evidence study-faults study-inputs study-lifted study-pages \
 	study-reach study-plot-libraries example-pages clean
@@ -97,10 +97,26 @@ wheel: setup ## a wheel in dist/
 	$(PY) -m maturin build --release --locked --out dist
 
 test-wheel: wheel ## the wheel in an empty environment outside of the sources
-	@tmp=$$(mktemp -d) && trap 'rm -rf "$$tmp"' EXIT && wheel=$$(echo "$$PWD"/dist/*.whl) && \
-	$(PY) -m venv "$$tmp/venv" && cd "$$tmp" && \
-	venv/bin/pip install --quiet --disable-pip-version-check "$$wheel" && \
-	venv/bin/ddmhe demo --out "$$tmp/demo" && echo "$${wheel##*/} works in an empty environment"
+	$(PY) tools/try_wheel.py dist/*.whl
+
+.venv-release/installed: requirements-release.txt
+	test -d .venv-release || python3 -m venv .venv-release
+	.venv-release/bin/pip install --quiet --disable-pip-version-check -r $<
+	touch $@
+
+# Without a network once .venv-release is there.
+workflows: .venv-release/installed ## what runs on GitHub, the issue forms, CITATION.cff
+	.venv-release/bin/actionlint .github/workflows/*.yml
+	.venv-release/bin/zizmor --offline --quiet --min-severity medium .github
+	.venv-release/bin/check-jsonschema --builtin-schema vendor.github-workflows \
+		.github/workflows/*.yml
+	.venv-release/bin/check-jsonschema --builtin-schema vendor.dependabot .github/dependabot.yml
+	.venv-release/bin/check-jsonschema --builtin-schema vendor.github-issue-forms \
+		.github/ISSUE_TEMPLATE/bug.yml .github/ISSUE_TEMPLATE/idea.yml
+	.venv-release/bin/check-jsonschema --builtin-schema vendor.citation-file-format CITATION.cff
+
+release-check: setup workflows ## all of a release but the upload: crates, sdist, wheels, licences
+	tools/release_check.sh
 
 study-defaults: setup ## the study behind the default settings
 	$(PY) studies/defaults.py
@@ -166,7 +182,7 @@ study-reproduction: setup ## every experiment of both papers; docs/claims.md and
 	cp ddmhe-reproduce/tables.md docs/reproduce-tables.md
 
 clean: ## removes everything that was made
-	rm -rf .venv .venv-audit .venv-peers .venv-pages target dist python/ddmhe/_core*.so
+	rm -rf .venv .venv-audit .venv-peers .venv-pages .venv-release target dist python/ddmhe/_core*.so
 	rm -rf ddmhe-demo ddmhe-design ddmhe-tune ddmhe-reproduce ddmhe-interval
 	rm -rf .mypy_cache .pytest_cache .ruff_cache
 	find python tests -name __pycache__ -prune -exec rm -rf {} +

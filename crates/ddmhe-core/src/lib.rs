@@ -164,3 +164,7 @@ pub use soft::Soft;
 pub use space::{Space, TrajectorySpace};
 pub use variation::noise_levels;
 pub use watch::wrapped_angle;
+
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

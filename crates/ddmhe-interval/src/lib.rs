@@ -85,3 +85,7 @@ pub use interval::Interval;
 pub use observer::{IntervalEstimate, IntervalObserver};
 pub use reduce::Reduction;
 pub use zonotope::Zonotope;
+
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;
