@@ -3,10 +3,11 @@
 .DEFAULT_GOAL := help
 .NOTPARALLEL:
 .PHONY: help setup packages demo test test-long fuzz audit lint docs bench bench-latency bench-peers \
-	instructions wheel test-wheel workflows release-check study-defaults study-certificates study-tuning study-promise \
-	study-sensitivity study-reproduction study-intervals study-estimators study-disturbance \
-	study-stated-noise study-evidence study-faults study-inputs study-lifted study-pages \
-	study-reach study-plot-libraries example-pages clean
+	instructions picture wheel test-wheel workflows release-check study-defaults \
+	study-certificates study-tuning study-promise study-sensitivity study-reproduction \
+	study-intervals study-estimators study-disturbance study-stated-noise study-evidence \
+	study-faults study-inputs study-lifted study-pages study-reach study-plot-libraries \
+	example-pages clean
 
 PY := .venv/bin/python
 # The build belongs to .venv, whatever environment the shell is in.
@@ -162,6 +163,9 @@ study-lifted: setup ## the polynomial model beside the affine one; docs/lifted.m
 
 study-reach: setup ## how far estimates of a tumbling body reach; docs/measured/reach.md
 	OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 $(PY) studies/reach.py
+
+picture: setup ## the README's picture and the errors below it
+	OPENBLAS_NUM_THREADS=1 $(PY) studies/first_picture.py
 
 study-pages: setup ## sizes and times of pages on long runs; docs/report.md
 	OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 $(PY) studies/pages.py

@@ -26,8 +26,9 @@ for k in range(60):
 history = ddmhe.History(x[:31], 2.0 * x[:30], 0.1)
 log = ddmhe.DdMhe(history, start="recording").run(2.0 * x[30:60])
 assert abs(log.x - x[31:]).max() < 1e-9
-free = not getattr(sys, "_is_gil_enabled", lambda: True)()
-print("ddmhe", ddmhe.__version__, "estimates on Python", sys.version.split()[0], free and "free" or "")
+lock = getattr(sys, "_is_gil_enabled", lambda: True)()
+python = sys.version.split()[0] + ("" if lock else ", free-threaded")
+print(f"ddmhe {ddmhe.__version__} estimates on Python {python}")
 """
 
 
