@@ -44,7 +44,7 @@ from ddmhe._core import (
 from ddmhe.reasons import Reason
 
 if TYPE_CHECKING:
-    from ddmhe import baselines, config, design, interval, plot, recordings, report
+    from ddmhe import baselines, campaign, config, design, interval, plot, recordings, report
     from ddmhe.lifted import LiftedMhe
     from ddmhe.tuning import Tuning, tune
 
@@ -52,7 +52,7 @@ __version__ = _version("ddmhe")
 
 # Loaded on first use, as cvxpy is by what runs a programme: they take longer to import than an
 # estimator to build.
-_MODULES = ("baselines", "config", "design", "interval", "plot", "recordings", "report")
+_MODULES = ("baselines", "campaign", "config", "design", "interval", "plot", "recordings", "report")
 _LAZY = {name: f"ddmhe.{name}" for name in _MODULES} | {
     "tune": "ddmhe.tuning",
     "Tuning": "ddmhe.tuning",
@@ -97,6 +97,7 @@ __all__ = [
     "Tuning",
     "Zonotope",
     "baselines",
+    "campaign",
     "config",
     "design",
     "interval",

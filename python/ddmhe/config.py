@@ -60,6 +60,7 @@ __all__ = [
     "Space",
     "plain_settings",
     "read_config",
+    "setting",
     "space_from_text",
     "write_config",
 ]
@@ -94,7 +95,7 @@ def read_config(path: str | Path) -> dict[str, Any]:
     ConfigError in one sentence naming the file and the key.
     """
     check_path("path", path)
-    named, table = file_words(path), _table(path)
+    named, table = file_words(path), read_table(path)
     known = (*setting_names(), *READING)
     for key in table:
         if key not in known:
@@ -103,12 +104,12 @@ def read_config(path: str | Path) -> dict[str, Any]:
                 f"found {shown(key)}{_nearest(key, known)}"
             )
     try:
-        return {key: _setting(key, value) for key, value in table.items()}
+        return {key: setting(key, value) for key, value in table.items()}
     except DdmheError as e:
         raise ConfigError(f"{named}, {e}") from e
 
 
-def _table(path: str | Path) -> dict[str, Any]:
+def read_table(path: str | Path) -> dict[str, Any]:
     named = file_words(path)
     try:
         with open(path, "rb") as f:
@@ -130,8 +131,8 @@ def _nearest(name: str, known: Iterable[str]) -> str:
     return f"; did you mean {near[0]!r}?" if near else ""
 
 
-def _setting(key: str, value: Any) -> Any:
-    """A setting from TOML's values, as DdMhe takes it."""
+def setting(key: str, value: Any) -> Any:
+    """A setting from TOML's values, as DdMhe takes it; DdmheError for one that it does not have."""
     if key == "delay":
         numbers = value.values() if isinstance(value, dict) else [value]
         for number in numbers:

@@ -13,6 +13,7 @@ from ddmhe._core import DdmheError
 from ddmhe.checks import file_words, reason
 from ddmhe.cli import (
     bench,
+    campaign,
     demo,
     design,
     estimate,
@@ -45,7 +46,10 @@ def cli(ctx: click.Context) -> None:
         click.echo(ctx.get_help())
 
 
-_COMMANDS = (demo, explain, estimate, report_page, design, tune, interval, bench, reproduce)
+_COMMANDS = (
+    *(demo, explain, estimate, report_page, design, tune, interval),
+    *(campaign, bench, reproduce),
+)
 for _module in _COMMANDS:
     cli.add_command(_module.command)
 

@@ -1,0 +1,115 @@
+"""What a row keeps of a run: errors over spans, whether the bars hold, and how it went."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ddmhe.campaign.data import Data
+
+Array = NDArray[np.float64]
+
+__all__ = ["measured"]
+
+
+def measured(
+    log: Any, data: Data, states: tuple[str, ...], spans: Mapping[str, float], bins: int
+) -> dict[str, Any]:
+    """Columns of one run; where the truth is not known, errors are NaN, where an estimate is not
+    finite, infinite."""
+    x = np.asarray(log.x, dtype=np.float64)
+    N = len(x)
+    error = _errors(x, data.x[:N])
+    square = np.sum(error**2, axis=1)
+    nees = _nees(error, _known(log, "covariance"))
+    row: dict[str, Any] = {"samples": N, "finite": float(np.mean(np.isfinite(x))) if N else 1.0}
+    for name, seconds in spans.items():
+        inside = data.t[:N] <= seconds * (1 + 1e-9)
+        row[f"rmse_{name}"] = _root_mean(square[inside])
+        for i, state in enumerate(states):
+            row[f"rmse_{state}_{name}"] = _root_mean(error[inside, i] ** 2)
+        row[f"nees_{name}"] = _mean(nees[inside])
+    std = _known(log, "std")
+    for k in (1, 2, 3):
+        row[f"within_{k}sd"] = None if std is None else _share(np.abs(error), k * std)
+    row |= _of_bounds(log, data.x[:N])
+    trusted = _known(log, "trusted")
+    row["trusted"] = None if trusted is None or not N else float(np.mean(trusted))
+    row["status"] = _counts(log, N)
+    row["error_over_time"] = _binned(square, bins, root=True)
+    row["nees_over_time"] = _binned(nees, bins, root=False)
+    return row
+
+
+def _errors(x: Array, truth: Array) -> Array:
+    with np.errstate(invalid="ignore", over="ignore"):
+        error = x - truth
+    return np.where(np.isfinite(truth) & ~np.isfinite(x), np.inf, error)
+
+
+def _known(log: Any, name: str) -> Any:
+    """What a log tells beyond estimates; baselines tell nothing."""
+    return getattr(log, name, None)
+
+
+def _nees(error: Array, covariance: Array | None) -> Array:
+    """e' P⁻¹ e / n (N,): 1 in the mean where the covariance is right; NaN where there is none."""
+    found = np.full(len(error), np.nan)
+    if covariance is None:
+        return found
+    usable = np.array(np.isfinite(error).all(axis=1) & np.isfinite(covariance).all(axis=(1, 2)))
+    usable &= np.linalg.det(np.where(usable[:, None, None], covariance, 0.0)) > 0
+    e = error[usable]
+    solved = np.linalg.solve(covariance[usable], e[:, :, None])[:, :, 0]
+    found[usable] = np.sum(e * solved, axis=1) / error.shape[1]
+    return found
+
+
+def _mean(values: Array) -> float:
+    """Mean of what is known; NaN without any."""
+    known = values[~np.isnan(values)]
+    return float(np.mean(known)) if known.size else float("nan")
+
+
+def _root_mean(squares: Array) -> float:
+    return float(np.sqrt(_mean(squares)))
+
+
+def _share(size: Array, limit: Array) -> float:
+    """How often the known ones are within their limits."""
+    known = ~np.isnan(size)
+    return float(np.mean((size <= limit)[known])) if known.any() else float("nan")
+
+
+def _of_bounds(log: Any, truth: Array) -> dict[str, Any]:
+    """Of an interval observer: how often the truth is inside, and the mean width (n)."""
+    lower, upper = _known(log, "lower"), _known(log, "upper")
+    if lower is None or upper is None or not len(lower):
+        return {"inside": None, "width": None}
+    known = np.isfinite(truth).all(axis=1)
+    held = ((truth >= lower) & (truth <= upper)).all(axis=1)
+    inside = float(np.mean(held[known])) if known.any() else float("nan")
+    return {"inside": inside, "width": np.mean(upper - lower, axis=0).tolist()}
+
+
+def _counts(log: Any, N: int) -> str:
+    """How many steps ended how, as JSON."""
+    status = _known(log, "status")
+    if getattr(log, "violation", None) is not None:
+        return json.dumps({"held": N, "violation": 1})
+    if status is None:
+        return "{}"
+    names, counts = np.unique(np.asarray(status).astype(str), return_counts=True)
+    return json.dumps(dict(zip(names.tolist(), counts.tolist(), strict=True)))
+
+
+def _binned(values: Array, bins: int, root: bool) -> list[float]:
+    """Means over equal pieces of the run."""
+    edges = np.linspace(0, len(values), bins + 1).round().astype(int)
+    means = [_mean(values[a:b]) for a, b in pairwise(edges.tolist())]
+    return np.sqrt(means).tolist() if root else means
