@@ -75,8 +75,9 @@ docs: setup ## the site, in docs/_build: guides, gallery, reference, measurement
 	OPENBLAS_NUM_THREADS=1 $(PY) -m sphinx -W --keep-going -q docs docs/_build
 	@echo "docs/_build/index.html"
 
-bench: setup ## time of the core's operations
+bench: setup ## time of the core's operations, in one table
 	cargo bench --workspace --locked
+	$(PY) benches/table.py
 
 instructions: ## instructions of a step (callgrind) against benches/instructions.json
 	cargo build --release --locked --workspace --example instructions

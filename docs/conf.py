@@ -57,10 +57,10 @@ ARGUMENT = re.compile(r"(\*?\w+)(, \*?\w+)* : ")
 
 def with_heading(app, what, name, obj, options, lines):
     """Puts the heading above arguments that are described without one."""
-    if what == "class" or any(line.strip("-") == "" != line for line in lines):
-        return
     first = next((k for k, line in enumerate(lines) if ARGUMENT.match(line)), None)
-    if first is not None:
+    if what == "class" or first is None:
+        return
+    if not any(line.strip("-") == "" != line for line in lines[:first]):
         lines[first:first] = ["Parameters", "----------"]
 
 

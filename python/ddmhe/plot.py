@@ -43,6 +43,13 @@ def states(
         True states (N, n), NaN where unknown, drawn broad below.
     names
         Names of the states (n); default x0, x1, …
+
+    Examples
+    --------
+    >>> import ddmhe
+    >>> record = ddmhe.models.detumbling().simulate(duration=40.0, dt=0.1, noise=0.01)
+    >>> log = ddmhe.DdMhe(record.history(200)).run(record.y[200:300])
+    >>> axes = ddmhe.plot.states(log, truth=record.x[201:301], names=["wx", "wy", "wz"])
     """
     from ddmhe.report.palette import color_of
     from ddmhe.report.style import BAND, ESTIMATE, TRUTH, legend_above
@@ -75,7 +82,15 @@ def errors(
     names: Sequence[str] | None = None,
 ) -> Axes:
     """Errors |x - truth| over time on a log axis, with three standard deviations dashed; truth
-    (N, n) is NaN where unknown."""
+    (N, n) is NaN where unknown.
+
+    Examples
+    --------
+    >>> import ddmhe
+    >>> record = ddmhe.models.detumbling().simulate(duration=40.0, dt=0.1, noise=0.01)
+    >>> log = ddmhe.DdMhe(record.history(200)).run(record.y[200:300])
+    >>> axes = ddmhe.plot.errors(log, record.x[201:301])
+    """
     from ddmhe.report.palette import color_of
     from ddmhe.report.style import BAR, ESTIMATE, legend_above
 
@@ -95,7 +110,14 @@ def errors(
 
 def innovations(log: Log, ax: Axes | None = None, *, names: Sequence[str] | None = None) -> Axes:
     """Measured less predicted outputs in standard deviations over time; beyond three is one in some
-    hundred, where the motion is like the recording. names (p)."""
+    hundred, where the motion is like the recording. names (p).
+
+    Examples
+    --------
+    >>> import ddmhe
+    >>> record = ddmhe.models.detumbling().simulate(duration=40.0, dt=0.1, noise=0.01)
+    >>> axes = ddmhe.plot.innovations(ddmhe.DdMhe(record.history(200)).run(record.y[200:300]))
+    """
     from ddmhe.report.palette import color_of
     from ddmhe.report.style import legend_above
 
@@ -116,7 +138,14 @@ def innovations(log: Log, ax: Axes | None = None, *, names: Sequence[str] | None
 
 
 def evidence(log: Log, ax: Axes | None = None) -> Axes:
-    """How unlike the recording the motion is over time, and the limit above which it is new."""
+    """How unlike the recording the motion is over time, and the limit above which it is new.
+
+    Examples
+    --------
+    >>> import ddmhe
+    >>> record = ddmhe.models.detumbling().simulate(duration=40.0, dt=0.1, noise=0.01)
+    >>> axes = ddmhe.plot.evidence(ddmhe.DdMhe(record.history(200)).run(record.y[200:300]))
+    """
     from ddmhe.report.style import ESTIMATE, legend_above
 
     axes, of = _axes(log, ax), _evidence(log)

@@ -9,7 +9,18 @@ class Reason(IntFlag):
     """What speaks against an estimate; nothing: `Reason(0)`.
 
     `Estimate.reasons` is one of these, `Log.reasons` an array (N,) of their numbers:
-    `log.reasons & ddmhe.Reason.NOVEL != 0` are the steps at which the motion was new."""
+    `log.reasons & ddmhe.Reason.NOVEL != 0` are the steps at which the motion was new.
+
+    Examples
+    --------
+    >>> import ddmhe
+    >>> record = ddmhe.models.detumbling().simulate(duration=120.0, dt=0.1, noise=0.01)
+    >>> log = ddmhe.DdMhe(record.history(200)).run(record.y[200:])
+    >>> bool(log.trusted[0]), bool(log.trusted[-1])  # the motion has left the recording
+    (True, False)
+    >>> ddmhe.Reason.NOVEL in ddmhe.Reason(int(log.reasons[-1]))
+    True
+    """
 
     NOVEL = 1
     """The motion is unlike the recording, now or at most a horizon ago; errors grow with it."""

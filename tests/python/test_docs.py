@@ -72,7 +72,10 @@ def test_the_paper_in_one_call_as_the_docs_have_it(capsys):
     assert "errors within their bounds: True" in printed
 
 
-GUIDES = ["index", "start", "how-to-outputs", "how-to-constraints", "how-to-inputs"]
+GUIDES = [
+    *("index", "start", "how-to-outputs", "how-to-constraints", "how-to-inputs", "how-to-live"),
+    *("choose", "bars", "pictures"),
+]
 
 
 @pytest.mark.parametrize("name", GUIDES)
@@ -82,6 +85,18 @@ def test_guides_run(name):
     names = {}
     exec(compile(block, f"{name}.md", "exec"), names)
     assert "ddmhe" in names
+
+
+def test_a_filter_with_more_disturbance_wins_as_the_docs_have_it():
+    text = (ROOT / "docs" / "estimators.md").read_text(encoding="utf-8")
+    (block,) = re.findall(r"```python\n(.*?)```", text, re.DOTALL)
+    names = {}
+    exec(compile(block, "estimators.md", "exec"), names)
+    own, by_hand, same = names["rms"].values()
+    assert own[0] < 0.5 * by_hand[0]
+    assert by_hand[1] < 0.9 * own[1]
+    assert same == pytest.approx(by_hand, rel=0.02)
+    assert all(f"{value:.3f}" in text for value in (*own, *by_hand))
 
 
 @pytest.mark.parametrize("path", sorted(ROOT.glob("examples/gallery/*.py")), ids=lambda p: p.stem)

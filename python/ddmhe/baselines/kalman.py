@@ -70,6 +70,15 @@ class ErrorStateKalman(Baseline):
         inputs [A B; C D] = [X1; Y0] [X0; U0]⁺).
     x_prior : (n,)
         Default: the last recorded state.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import ddmhe
+    >>> record = ddmhe.models.detumbling().simulate(duration=40.0, dt=0.1, noise=0.01)
+    >>> log = ddmhe.baselines.ErrorStateKalman(record.history(200)).run(record.y[200:300])
+    >>> bool(np.abs(log.x - record.x[201:301]).max() < 0.01)
+    True
     """
 
     def __init__(
@@ -132,6 +141,13 @@ class ArxKalman(Baseline):
         The recording.
     order : int
         Number of lags L. Default: the best of 1, 2, 3, 5 and 8 by Schwarz's criterion (BIC).
+
+    Examples
+    --------
+    >>> import ddmhe
+    >>> record = ddmhe.models.detumbling().simulate(duration=40.0, dt=0.1, noise=0.01)
+    >>> ddmhe.baselines.ArxKalman(record.history(200)).run(record.y[200:300]).x.shape
+    (100, 3)
     """
 
     ORDERS = (1, 2, 3, 5, 8)
@@ -220,6 +236,16 @@ class Oracle(Baseline):
         Standard deviation of the process noise per step.
     kind : "ekf" or "ukf"
         Linearised along the estimate, or by sigma points (Julier, Uhlmann 1997; kappa = 3 - n).
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import ddmhe
+    >>> model = ddmhe.models.detumbling()
+    >>> record = model.simulate(duration=20.0, dt=0.1, noise=0.01)
+    >>> oracle = ddmhe.baselines.Oracle(model, 0.1, record.x[0], noise=0.01)
+    >>> bool(np.abs(oracle.run(record.y[:100]).x - record.x[1:101]).max() < 1e-3)
+    True
     """
 
     def __init__(

@@ -22,7 +22,17 @@ MOST = 1000
 
 def thin_plate(x: Array, centres: Array) -> Array:
     """Thin-plate spline r² log r, r = ‖x - c‖: points (…, n) and centres (K, n) to (…, K); 0 at a
-    centre."""
+    centre.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import ddmhe
+    >>> ddmhe.baselines.thin_plate(np.array([[0.0], [1.0], [2.0]]), np.array([[0.0]])).round(3)
+    array([[0.   ],
+           [0.   ],
+           [2.773]])
+    """
     squared = np.sum((x[..., None, :] - centres) ** 2, axis=-1)
     return np.asarray(0.5 * squared * np.log(np.where(squared > 0, squared, 1.0)))
 
@@ -54,6 +64,13 @@ class KoopmanMhe(Baseline):
         the last one best.
     x_prior : (n,)
         Default: the last recorded state.
+
+    Examples
+    --------
+    >>> import ddmhe
+    >>> record = ddmhe.models.detumbling().simulate(duration=40.0, dt=0.1, noise=0.01)
+    >>> ddmhe.baselines.KoopmanMhe(record.history(200)).run(record.y[200:300]).x.shape
+    (100, 3)
     """
 
     CUTS = tuple(10.0**k for k in range(-12, 0))

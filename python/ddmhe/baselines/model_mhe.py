@@ -111,6 +111,17 @@ class ModelMhe(Baseline):
     ------
     DdmheError
         One clear error naming the argument.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import ddmhe
+    >>> record = ddmhe.models.detumbling().simulate(duration=40.0, dt=0.1, noise=0.01)
+    >>> history = record.history(200)
+    >>> same = {"horizon": 10, "rho": 0.8, "mu": 1e5}
+    >>> log = ddmhe.baselines.ModelMhe(history, **same).run(record.y[200:300])
+    >>> bool(np.abs(log.x - record.x[201:301]).max() < 0.01)
+    True
     """
 
     def __init__(

@@ -31,6 +31,13 @@ class RidgeFir(Baseline):
     weight : float
         Ridge weight in units of the largest squared singular value. Default: by generalised
         cross-validation (Golub, Heath, Wahba 1979).
+
+    Examples
+    --------
+    >>> import ddmhe
+    >>> record = ddmhe.models.detumbling().simulate(duration=40.0, dt=0.1, noise=0.01)
+    >>> ddmhe.baselines.RidgeFir(record.history(200), length=20).run(record.y[200:300]).x.shape
+    (100, 3)
     """
 
     WEIGHTS = tuple(10.0**k for k in range(-12, 1))

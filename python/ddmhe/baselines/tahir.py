@@ -61,6 +61,16 @@ class TahirIntervalObserver:
     ------
     InfeasibleError
         No gain was found whose widths stay bounded, ρ(|A - L C| + F) < 1 in z.
+
+    Examples
+    --------
+    >>> import ddmhe
+    >>> observer = ddmhe.baselines.TahirIntervalObserver(
+    ...     ddmhe.interval.pendulum(), [0.98, 0.02], [0.1, 1.0], w_radius=0.006, v_radius=0.01
+    ... )
+    >>> bounds = observer.step([1.0])
+    >>> bool((bounds.lower < bounds.upper).all())
+    True
     """
 
     def __init__(

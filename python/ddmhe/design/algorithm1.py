@@ -206,6 +206,17 @@ def algorithm1(
         (A, C) is unobservable.
     RankError, DdmheError, ShapeError, NotFiniteError
         Wrong arguments; a recording too short for the horizon.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import ddmhe
+    >>> x = np.zeros((61, 1))
+    >>> for k in range(60):
+    ...     x[k + 1] = 0.9 * x[k] + 1.0
+    >>> found = ddmhe.design.algorithm1(ddmhe.History(x, 2.0 * x[:60], 0.1))
+    >>> 4 * found.rho**found.horizon < 1
+    True
     """
     check_history(history)
     for name in OWN:

@@ -55,7 +55,17 @@ class Uncertainty:
 @dataclass(frozen=True, eq=False)
 class Certificate:
     """P, Q, R, η that satisfy (L), in the user's units; the estimator takes it as `DdMhe(h,
-    certificate=c)`."""
+    certificate=c)`.
+
+    Examples
+    --------
+    >>> import ddmhe
+    >>> history = ddmhe.models.spin_down().simulate(4.0, 0.02).history(150)
+    >>> certificate = ddmhe.design.ioss(history, eta=0.95)
+    >>> certificate.eta, certificate.residual <= 0
+    (0.95, True)
+    >>> estimator = ddmhe.DdMhe(history, certificate=certificate)
+    """
 
     P: Array
     """(n, n), P ⪰ I: ‖d‖ ≤ ‖d‖_P."""

@@ -82,6 +82,15 @@ def ioss(
         small for `condition`, noise that allows for systems that cannot be certified together.
     DdmheError, ShapeError, NotFiniteError, RankError
         Wrong arguments; a recording that does not determine (A, C).
+
+    Examples
+    --------
+    >>> import ddmhe
+    >>> certificate = ddmhe.design.ioss(A=[[0.9, 0.1], [0.0, 0.8]], C=[[1.0, 0.0]], eta=0.95)
+    >>> certificate.residual <= 0  # the largest eigenvalue of the inequality
+    True
+    >>> certificate.P.shape, certificate.R.shape
+    ((2, 2), (1, 1))
     """
     if eta is not None:
         check_number("eta", eta, "a number in (0, 1)", lambda value: 0 < value < 1)
@@ -125,7 +134,17 @@ def scalar_certificate(
     e, r are the offsets of the system and B, D what its inputs do, as in `ioss`.
 
     ‖A_L d - w + L(v - v̂)‖² ≤ 3‖A_L d‖² + 3‖w‖² + 3‖L(v - v̂)‖² with 6‖A_L‖² ≤ ρ, 6‖L‖² ≤ μ gives
-    (L)."""
+    (L).
+
+    Examples
+    --------
+    >>> import ddmhe
+    >>> certificate = ddmhe.design.scalar_certificate(
+    ...     A=[[0.9]], C=[[1.0]], gain=[[-0.9]], rho=0.5, mu=5.0
+    ... )
+    >>> certificate.P, certificate.R, certificate.eta
+    (array([[1.]]), array([[5.]]), 0.5)
+    """
     A, C = system(A, C)
     L = array("gain", gain, (len(A), len(C)))
     check_finite("gain", L)

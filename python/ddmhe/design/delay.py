@@ -93,6 +93,15 @@ def output_delay(history: History, most: int | None = None) -> OutputDelay:
     in each of five parts of the recording; where what is left is less than 60 % of the output's
     variance; and where nothing else explains it (see above). Raises DdmheError for a wrong
     argument.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import ddmhe
+    >>> x = np.random.default_rng(0).standard_normal((402, 1)).cumsum(0) * 0.1
+    >>> late = np.vstack([x[:3] * 0, x[:398]])  # y(k) = x(k - 3)
+    >>> ddmhe.design.output_delay(ddmhe.History(x, late, 0.01)).samples
+    (3,)
     """
     history = check_history(history)
     if most is not None:

@@ -46,7 +46,19 @@ FIFTH_DIFFERENCE = 252.0
 @dataclass(frozen=True, eq=False)
 class AffineModel:
     """x(k+1) = A x(k) + B u(k) + e + w(k), y(k) = C x(k) + D u(k) + r + v(k), with what the
-    recording says of its accuracy."""
+    recording says of its accuracy.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import ddmhe
+    >>> record = ddmhe.models.detumbling().simulate(duration=30.0, dt=0.1, noise=0.01)
+    >>> model = ddmhe.design.identify(record.history(200))
+    >>> model.A.shape, model.C.shape, model.samples
+    ((3, 3), (3, 3), 200)
+    >>> bool(np.abs(np.linalg.eigvals(model.A)).max() < 1.01)
+    True
+    """
 
     A: Array
     """(n, n)"""
@@ -224,6 +236,17 @@ def identify(history: History, method: Method = "least squares") -> AffineModel:
         their mean: A and B would not be unique.
     DdmheError
         An unknown method.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import ddmhe
+    >>> x = np.zeros((41, 1))
+    >>> for k in range(40):
+    ...     x[k + 1] = 0.9 * x[k] + 1.0
+    >>> model = ddmhe.design.identify(ddmhe.History(x, 2.0 * x[:40], 0.1))
+    >>> model.A.round(6), model.e.round(6), model.C.round(6)
+    (array([[0.9]]), array([1.]), array([[2.]]))
     """
     check_history(history)
     choice("method", method, _METHODS)

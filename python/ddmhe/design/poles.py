@@ -204,6 +204,13 @@ def pole_placement(
         Too few samples, or states that do not span n directions.
     DdmheError, ShapeError, NotFiniteError
         Wrong arguments.
+
+    Examples
+    --------
+    >>> import ddmhe
+    >>> placed = ddmhe.design.pole_placement(A=[[0.9, 0.1], [0.0, 0.8]], C=[[1.0, 0.0]], radius=0.9)
+    >>> placed.gain.shape, bool(abs(placed.poles).max() < 0.9)
+    ((2, 1), True)
     """
     for name, value in (("radius", radius), ("step", step)):
         check_number(name, value, "a number in (0, 1)", lambda share: 0 < share < 1)

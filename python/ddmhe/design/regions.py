@@ -19,7 +19,15 @@ __all__ = ["Cone", "Disc", "HalfPlane", "Region"]
 @dataclass(frozen=True)
 class Disc:
     """|z - centre| < radius, the centre on the real axis. With centre 0 this is the disc of
-    (54)."""
+    (54).
+
+    Examples
+    --------
+    >>> import ddmhe
+    >>> left, middle = ddmhe.design.Disc(0.9).matrices()
+    >>> left.shape
+    (2, 2)
+    """
 
     radius: float
     centre: float = 0.0
@@ -37,7 +45,16 @@ class Disc:
 
 @dataclass(frozen=True)
 class HalfPlane:
-    """Re z < bound (or Re z > bound with `right`)."""
+    """Re z < bound (or Re z > bound with `right`).
+
+    Examples
+    --------
+    >>> import ddmhe
+    >>> region = ddmhe.design.HalfPlane(0.7)
+    >>> placed = ddmhe.design.pole_placement(A=[[0.9]], C=[[1.0]], region=region)
+    >>> bool(placed.poles.real.max() < 0.7)
+    True
+    """
 
     bound: float
     right: bool = False
@@ -56,7 +73,17 @@ class HalfPlane:
 @dataclass(frozen=True)
 class Cone:
     """|arg(z - apex)| < angle about the positive real axis, or about the negative one without
-    `right`; angle in rad."""
+    `right`; angle in rad.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import ddmhe
+    >>> region = ddmhe.design.Cone(np.pi / 4)  # damped more than 45 degrees
+    >>> placed = ddmhe.design.pole_placement(A=[[0.9]], C=[[1.0]], region=region)
+    >>> bool(abs(np.angle(placed.poles)).max() < np.pi / 4)
+    True
+    """
 
     angle: float
     apex: float = 0.0

@@ -44,7 +44,15 @@ class RecordingNoise:
     """How wrong the recording may be; its known inputs are exact.
 
     "bounded": Euclidean norms that no sample's error exceeds. "gaussian": standard deviations per
-    channel of white noise; what follows from them then holds with probability `confidence`."""
+    channel of white noise; what follows from them then holds with probability `confidence`.
+
+    Examples
+    --------
+    >>> import ddmhe
+    >>> noise = ddmhe.design.RecordingNoise(x=1e-4, y=0.01, kind="gaussian")
+    >>> noise.confidence
+    0.999
+    """
 
     x: float = 0.0
     """Errors of the recorded states, in their unit."""
@@ -139,7 +147,23 @@ def consistent_set(history: History, noise: RecordingNoise) -> ConsistentSet:
 
     Raises RankError when the noise hides the recorded motion (G is not positive definite) and
     DdmheError when no system fits, which means that the stated noise is smaller than the
-    recording's."""
+    recording's.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import ddmhe
+    >>> rng = np.random.default_rng(0)
+    >>> x = rng.uniform(-1, 1, (41, 1))
+    >>> w = 1e-3 * rng.uniform(-1, 1, (40, 1))
+    >>> for k in range(40):
+    ...     x[k + 1] = 0.5 * x[k] + w[k]
+    >>> allowed = ddmhe.design.consistent_set(
+    ...     ddmhe.History(x, x[:40], 0.1), ddmhe.design.RecordingNoise(w=1e-3)
+    ... )
+    >>> bool(abs(allowed.A - 0.5).max() < 0.01)  # the middle of the set
+    True
+    """
     check_history(history)
     check_kind("noise", noise, RecordingNoise, "a RecordingNoise")
     n, p = history.n, history.p

@@ -43,7 +43,18 @@ LARGEST = 1e150
 
 @dataclass(frozen=True, eq=False)
 class DataModel:
-    """Every system that a recording and its noise bounds allow, and a gain for it."""
+    """Every system that a recording and its noise bounds allow, and a gain for it.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import ddmhe
+    >>> x = 0.9 ** np.arange(31.0)[:, None]
+    >>> history = ddmhe.History(x, x[:30], 0.1)
+    >>> model = ddmhe.interval.from_history(history, w_radius=1e-3, v_radius=1e-3)
+    >>> bool((model.x_last == x[-1]).all()), model.w_least.shape
+    (True, (1,))
+    """
 
     system: System
     """Middle of the rows, with what they may be off by inside."""
@@ -116,6 +127,15 @@ def smallest_radii(history: History) -> tuple[Array, Array]:
     ------
     RankError, DdmheError
         Too little data, or no History.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import ddmhe
+    >>> x = 0.9 ** np.arange(31.0)[:, None]
+    >>> w, v = ddmhe.interval.smallest_radii(ddmhe.History(x, x[:30], 0.1))
+    >>> bool(w.max() < 1e-9)  # nothing disturbed it
+    True
     """
     U, _, _, targets = _orthonormal(history)
     least = np.array([_chebyshev(U, target) for target in targets.T])
@@ -155,6 +175,20 @@ def from_history(
         the smallest.
     RankError, ShapeError, DdmheError
         Too little data, wrong arguments.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import ddmhe
+    >>> rng = np.random.default_rng(0)
+    >>> x = np.ones((101, 1))
+    >>> for k in range(100):
+    ...     x[k + 1] = 0.9 * x[k] + rng.uniform(-0.1, 0.1)
+    >>> y = x[:100] + rng.uniform(-0.01, 0.01, (100, 1))
+    >>> model = ddmhe.interval.from_history(ddmhe.History(x, y, 0.1), w_radius=0.11, v_radius=0.011)
+    >>> bounds = model.observer().step(x[100])  # from the recording's last state on
+    >>> bool((bounds.lower < 0.9 * x[100]).all() and (0.9 * x[100] < bounds.upper).all())
+    True
     """
     U, to_theta, raw, targets = _orthonormal(history)
     n, p = history.n, history.p

@@ -43,6 +43,22 @@ class IntervalObserver:
     ShapeError, NotFiniteError, DdmheError
         Wrong arguments. `step` raises ModelViolationError where a measurement contradicts model and
         bounds, `run` ends there; the observer is then as before that sample.
+
+    Examples
+    --------
+    >>> import ddmhe
+    >>> system = ddmhe.interval.pendulum()
+    >>> observer = ddmhe.interval.IntervalObserver(
+    ...     system,
+    ...     ddmhe.interval.design_observer(system),
+    ...     x0_center=[0.98, 0.02],
+    ...     x0_radius=[0.1, 1.0],
+    ...     w_radius=0.006,
+    ...     v_radius=0.01,
+    ... )
+    >>> bounds = observer.step([1.0])
+    >>> bool((bounds.lower < bounds.upper).all())
+    True
     """
 
     def __init__(

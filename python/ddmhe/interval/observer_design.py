@@ -40,7 +40,15 @@ MOST = 1024
 
 @dataclass(frozen=True, eq=False)
 class ObserverDesign:
-    """A gain with its peak-to-peak bound."""
+    """A gain with its peak-to-peak bound.
+
+    Examples
+    --------
+    >>> import ddmhe
+    >>> design = ddmhe.interval.design_observer(ddmhe.interval.pendulum())
+    >>> design.mu == design.mu_w + design.mu_v, design.verified
+    (True, True)
+    """
 
     gain: Array
     """L (n, p)"""
@@ -97,6 +105,13 @@ def design_observer(
         No gain satisfies the inequalities: in words, what to change.
     DdmheError, ShapeError
         Wrong arguments, or more than 1024 vertices.
+
+    Examples
+    --------
+    >>> import ddmhe
+    >>> design = ddmhe.interval.design_observer(ddmhe.interval.pendulum())
+    >>> design.verified, design.gain.shape
+    (True, (2, 1))
     """
     if not isinstance(system, System):
         raise DdmheError(f"system: expected a ddmhe.interval.System, found {type(system).__name__}")
@@ -119,7 +134,15 @@ def design_observer(
 
 def fixed_gain(system: System, gain: ArrayLike) -> ObserverDesign:
     """A gain (n, p) of one's own without a peak-to-peak bound: zonotope and box stay guaranteed,
-    whatever the gain."""
+    whatever the gain.
+
+    Examples
+    --------
+    >>> import ddmhe
+    >>> design = ddmhe.interval.fixed_gain(ddmhe.interval.pendulum(), [[0.5], [0.5]])
+    >>> design.verified
+    False
+    """
     check_kind("system", system, System, "a ddmhe.interval.System")
     L = matrix("gain", gain, (system.n, system.p))
     none = float("inf")
@@ -130,7 +153,14 @@ def fixed_gain(system: System, gain: ArrayLike) -> ObserverDesign:
 
 def kalman_gain(system: System, w_radius: ArrayLike, v_radius: ArrayLike) -> Array:
     """Gain (n, p) of the steady Kalman filter at the middle of [j_lo, j_hi], with the radii as
-    standard deviations."""
+    standard deviations.
+
+    Examples
+    --------
+    >>> import ddmhe
+    >>> ddmhe.interval.kalman_gain(ddmhe.interval.pendulum(), w_radius=0.006, v_radius=0.01).shape
+    (2, 1)
+    """
     check_kind("system", system, System, "a ddmhe.interval.System")
     w = radius_of("w_radius", w_radius, system.D1.shape[1])
     v = radius_of("v_radius", v_radius, system.D2.shape[1])

@@ -60,6 +60,24 @@ class System:
     ------
     ShapeError, NotFiniteError, DdmheError
         Shapes that do not fit, NaN, j_lo above j_hi, f or jacobian not callable.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import ddmhe
+    >>> dt = 0.05
+    >>> system = ddmhe.interval.System(
+    ...     A=[[1.0, dt], [0.0, 1.0]],
+    ...     C=[[1.0, 0.0]],
+    ...     D1=np.eye(2),
+    ...     D2=[[1.0]],
+    ...     f=lambda x: np.array([0.0, -dt * np.sin(x[0])]),
+    ...     jacobian=lambda lo, hi: ([[0, 0], [-dt, 0]], [[0, 0], [dt, 0]]),
+    ...     j_lo=[[0, 0], [-dt, 0]],
+    ...     j_hi=[[0, 0], [dt, 0]],
+    ... )
+    >>> system.n, system.p
+    (2, 1)
     """
 
     A: Array
@@ -178,7 +196,14 @@ class _Damping:
 
 def pendulum(model: models.Pendulum | None = None, dt: float = models.Pendulum.paper_dt) -> System:
     """The pendulum (60): x1⁺ = x1 + dt x2 + w1, x2⁺ = x2 - dt stiffness sin x1 + w2, y = x1 + 0.1
-    v."""
+    v.
+
+    Examples
+    --------
+    >>> import ddmhe
+    >>> ddmhe.interval.pendulum().n
+    2
+    """
     model = (
         models.pendulum()
         if model is None
@@ -204,7 +229,15 @@ def linear(
     C_radius: ArrayLike | None = None,
 ) -> System:
     """A linear system whose constant matrix is only known to lie in [A_lo, A_hi] (Remark 2); C ±
-    C_radius likewise."""
+    C_radius likewise.
+
+    Examples
+    --------
+    >>> import ddmhe
+    >>> system = ddmhe.interval.linear([[0.85]], [[0.95]], C=[[1.0]], D1=[[1.0]], D2=[[1.0]])
+    >>> ddmhe.interval.design_observer(system).verified
+    True
+    """
     lo, hi = matrix("A_lo", A_lo, (-1, -1)), matrix("A_hi", A_hi, (-1, -1))
     n = len(lo)
     lo, hi = matrix("A_lo", lo, (n, n)), matrix("A_hi", hi, (n, n))
@@ -244,7 +277,15 @@ def detumbling(
     x(k+1) = x + dt (a1 x2 x3, a2 x3 x1, a3 x1 x2) + dt N x + w, y = G x + v: forward Euler as in
     their (4), the rate of the chaser zero. Bounds: a_i = (J2-J3)/J1 …, every entry of N = J⁻¹
     ∂τ_t/∂ω and of G = ∂τ_c/∂ω within a relative `uncertainty`; |x_i| <= rate_bound (rad/s) wherever
-    the target may be."""
+    the target may be.
+
+    Examples
+    --------
+    >>> import ddmhe
+    >>> system = ddmhe.interval.detumbling()
+    >>> system.n, system.p
+    (3, 3)
+    """
     model = (
         models.detumbling()
         if model is None
@@ -278,6 +319,12 @@ def van_der_pol(dt: float = 0.05, mu: float = 1.0, bound: float = 3.0) -> System
 
     x1⁺ = x1 + dt x2 + w1, x2⁺ = x2 + dt (mu (1 - x1²) x2 - x1) + w2, written as A x + f(x) with
     A = I + dt [[0, 1], [-1, mu]] and f = (0, -dt mu x1² x2).
+
+    Examples
+    --------
+    >>> import ddmhe
+    >>> ddmhe.interval.design_observer(ddmhe.interval.van_der_pol(), lam=0.5).verified
+    True
     """
     check_number("dt", dt, "a positive number of seconds", lambda seconds: seconds > 0)
     check_number("mu", mu, "a finite number", lambda _: True)

@@ -24,7 +24,17 @@ GROWN = 1.5
 
 @dataclass(frozen=True, eq=False)
 class Verdict:
-    """Width of bounds against the recorded range, a state each."""
+    """Width of bounds against the recorded range, a state each.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import ddmhe
+    >>> t, bound = np.arange(100.0), np.full((100, 1), 0.1)
+    >>> verdict = ddmhe.interval.judge(-bound, bound, ([-1.0], [1.0]), t, ["speed"])
+    >>> print(verdict.words)
+    speed 0.1 of the recorded range
+    """
 
     names: tuple[str, ...]
     """n names."""
@@ -79,6 +89,17 @@ def judge(
     ------
     ShapeError, NotFiniteError, DdmheError
         Shapes that do not fit, no rows, a recorded range of width zero.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import ddmhe
+    >>> t = np.arange(100.0)
+    >>> verdict = ddmhe.interval.judge(
+    ...     np.full((100, 1), -0.1), np.full((100, 1), 0.1), ([-1.0], [1.0]), t, ["speed"]
+    ... )
+    >>> verdict.share  # of the recorded range that the bounds are wide
+    array([0.1])
     """
     t = matrix("t", t, (-1,))
     names = tuple(names)

@@ -67,6 +67,15 @@ class LiftedMhe:
         Degree of the best lift, 1 to 3; 0 where the recording is too short for any.
     gain : float
         Mean logarithm of the affine estimator's error over the lift's in the held-out ends.
+
+    Examples
+    --------
+    >>> import ddmhe
+    >>> record = ddmhe.models.pendulum().simulate(40.0, 0.05, noise=0.01)
+    >>> lifted = ddmhe.LiftedMhe(record.history(400))
+    >>> log = lifted.run(record.y[400:500])
+    >>> lifted.chosen, log.x.shape
+    (True, (100, 2))
     """
 
     def __init__(

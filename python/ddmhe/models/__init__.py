@@ -35,18 +35,41 @@ __all__ = [
 
 def detumbling(**overrides: Any) -> Detumbling:
     """The 3-DOF case of Liu et al. 2026, Section IV-B, with any field of `Detumbling`
-    overridden."""
+    overridden.
+
+    Examples
+    --------
+    >>> import ddmhe
+    >>> record = ddmhe.models.detumbling().simulate(duration=30.0, dt=0.1, noise=0.01)
+    >>> record.t.shape, record.x.shape, record.y.shape  # rad/s, N m
+    ((301,), (301, 3), (301, 3))
+    """
     return _build(Detumbling, overrides)
 
 
 def spin_down(**overrides: Any) -> SpinDown:
     """The single-axis bench of Liu et al. 2026, Section IV-A, with any field of `SpinDown`
-    overridden."""
+    overridden.
+
+    Examples
+    --------
+    >>> import ddmhe
+    >>> record = ddmhe.models.spin_down().simulate(duration=2.0, dt=0.02, noise=0.001)
+    >>> bool(record.x[-1, 0] < record.x[0, 0])  # rad/s: it is braked
+    True
+    """
     return _build(SpinDown, overrides)
 
 
 def pendulum(**overrides: Any) -> Pendulum:
-    """The pendulum of the interval paper, (60), with any field of `Pendulum` overridden."""
+    """The pendulum of the interval paper, (60), with any field of `Pendulum` overridden.
+
+    Examples
+    --------
+    >>> import ddmhe
+    >>> ddmhe.models.pendulum().simulate(duration=10.0, dt=0.05, noise=0.01).x.shape
+    (201, 2)
+    """
     return _build(Pendulum, overrides)
 
 

@@ -30,7 +30,15 @@ class SpinDown(Model):
 
     The paper prints none of these numbers. The defaults are a plausible hand-sized bench: about 290
     rpm, 0.15 N·m of eddy torque, a decay time of 1 s, so that the speed falls by 40 % in the
-    paper's 0.5 s of history."""
+    paper's 0.5 s of history.
+
+    Examples
+    --------
+    >>> import ddmhe
+    >>> bench = ddmhe.models.SpinDown(omega_0=20.0, encoder_counts=4096)
+    >>> bench.simulate(duration=1.0, dt=0.02).x[0]
+    array([20.])
+    """
 
     x_units: ClassVar[tuple[str, ...]] = ("rad/s",)
     y_units: ClassVar[tuple[str, ...]] = ("N m",)

@@ -23,6 +23,12 @@ class Pendulum(Model):
 
     State: angle (rad) and rate (rad/s), n = 2. Output: angle, rad (p = 1). x1⁺ = x1 + dt x2,
     x2⁺ = x2 - dt stiffness sin x1.
+
+    Examples
+    --------
+    >>> import ddmhe
+    >>> ddmhe.models.Pendulum().simulate(duration=1.0, dt=0.05).y.shape
+    (21, 1)
     """
 
     x_units: ClassVar[tuple[str, ...]] = ("rad", "rad/s")

@@ -17,7 +17,15 @@ __all__ = ["Recording"]
 
 @dataclass(frozen=True, eq=False)
 class Recording:
-    """A simulated experiment of N steps; row k of every array belongs to time t[k] = k dt."""
+    """A simulated experiment of N steps; row k of every array belongs to time t[k] = k dt.
+
+    Examples
+    --------
+    >>> import ddmhe
+    >>> record = ddmhe.models.detumbling().simulate(duration=30.0, dt=0.1, noise=0.01)
+    >>> record.history(200).x_units
+    ['rad/s', 'rad/s', 'rad/s']
+    """
 
     t: Array
     """Time (N+1,), s."""

@@ -24,7 +24,15 @@ class Detumbling(Model):
     IV-B.
 
     State: angular velocity of the target, rad/s (n = 3). Output: torque on the chaser, N·m (p = 3).
-    Euler's equations (2) with the magnetic dipole model (39)-(41). Defaults are the paper's."""
+    Euler's equations (2) with the magnetic dipole model (39)-(41). Defaults are the paper's.
+
+    Examples
+    --------
+    >>> import ddmhe
+    >>> slow = ddmhe.models.Detumbling(omega_0=[0.05, 0.0, 0.02])
+    >>> slow.simulate(duration=10.0, dt=0.1).x[0]
+    array([0.05, 0.  , 0.02])
+    """
 
     x_units: ClassVar[tuple[str, ...]] = ("rad/s",) * 3
     y_units: ClassVar[tuple[str, ...]] = ("N m",) * 3

@@ -20,7 +20,16 @@ __all__ = ["TorqueCurve"]
 
 @dataclass(frozen=True, eq=False)
 class TorqueCurve:
-    """Braking torque over slip speed as a table; linear between its points, odd in the speed."""
+    """Braking torque over slip speed as a table; linear between its points, odd in the speed.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import ddmhe
+    >>> curve = ddmhe.models.TorqueCurve(np.array([0.0, 10.0, 30.0]), np.array([0.0, 0.05, 0.08]))
+    >>> ddmhe.models.SpinDown(torque_curve=curve).simulate(1.0, 0.02).y.shape
+    (51, 1)
+    """
 
     speed: Array
     """Slip speeds (K,), rad/s, from 0 upwards, strictly increasing."""

@@ -148,6 +148,17 @@ def read(
     ------
     LogError
         One sentence naming the file or the option.
+
+    Examples
+    --------
+    >>> import ddmhe
+    >>> import pandas as pd
+    >>> record = ddmhe.models.detumbling().simulate(duration=30.0, dt=0.1, noise=0.01)
+    >>> columns = {"t": record.t, "wx_rad_s": record.x[:, 0], "torque_N_m": record.y[:, 0]}
+    >>> frame = pd.DataFrame(columns)
+    >>> read = ddmhe.recordings.read(frame, state=["wx_rad_s"], output=["torque_N_m"], history=20.0)
+    >>> read.history.T, read.Y.shape[1]
+    (200, 1)
     """
     how = Reading(
         time, start, decimate, missing, unwrap, time_unit, dt, sep, decimal, comment, encoding,

@@ -30,7 +30,16 @@ class Tuning:
     """The settings that were chosen and why.
 
     The estimator takes them as `DdMhe(h, **tuning.settings)`, and as `DdMhe(h, **tuning.settings,
-    start=tuning.start)` for a run that goes on where the recording ends."""
+    start=tuning.start)` for a run that goes on where the recording ends.
+
+    Examples
+    --------
+    >>> import ddmhe
+    >>> tuning = ddmhe.tune(ddmhe.models.spin_down().simulate(1.0, 0.02, noise=0.001).history(40))
+    >>> lowest, highest = tuning.range  # of the error of each state
+    >>> bool((lowest <= tuning.promise).all()), bool((tuning.promise <= highest).all())
+    (True, True)
+    """
 
     settings: dict[str, Any]
     """Keywords of DdMhe that hold for every start: none where the default rule is kept; else

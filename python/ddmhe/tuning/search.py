@@ -63,6 +63,15 @@ def tune(
     KeyboardInterrupt
         Within a second of Ctrl-C. Its attribute `finished` is the Tuning by the horizons that were
         scored in full by then, None if there are none.
+
+    Examples
+    --------
+    >>> import ddmhe
+    >>> history = ddmhe.models.spin_down().simulate(1.0, 0.02, noise=0.001).history(40)
+    >>> tuning = ddmhe.tune(history)
+    >>> tuning.promise.shape  # rms error to expect of each state
+    (1,)
+    >>> estimator = ddmhe.DdMhe(history, **tuning.settings, start=tuning.start)
     """
     check_history(history)
     if progress is not None and not callable(progress):

@@ -77,6 +77,14 @@ def html(
         Arguments that do not fit.
     FileError
         The page cannot be written there.
+
+    Examples
+    --------
+    >>> import ddmhe
+    >>> record = ddmhe.models.detumbling().simulate(duration=40.0, dt=0.1, noise=0.01)
+    >>> estimator = ddmhe.DdMhe(record.history(200))
+    >>> log = estimator.run(record.y[200:300])
+    >>> ddmhe.report.html(estimator, log, "page.html", truth=record.x[201:301])
     """
     check_writable(path)
     known = Source() if source is None else source
