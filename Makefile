@@ -6,7 +6,7 @@
 	instructions picture wheel test-wheel workflows release-check study-defaults \
 	study-certificates study-tuning study-promise study-sensitivity study-reproduction \
 	study-intervals study-estimators study-disturbance study-stated-noise study-evidence \
-	study-faults study-inputs study-lifted study-pages study-reach study-plot-libraries \
+	study-faults study-fusion study-inputs study-lifted study-pages study-reach study-plot-libraries \
 	example-pages clean
 
 PY := .venv/bin/python
@@ -161,6 +161,9 @@ study-faults: setup ## which faults of outputs are seen, when; docs/measured/evi
 
 study-lifted: setup ## the polynomial model beside the affine one; docs/lifted.md
 	OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 $(PY) studies/lifted.py
+
+study-fusion: setup ## what a camera's minute is worth beside the torque; docs/measured/reach.md
+	OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 $(PY) studies/fusion.py
 
 study-reach: setup ## how far estimates of a tumbling body reach; docs/measured/reach.md
 	OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 $(PY) studies/reach.py

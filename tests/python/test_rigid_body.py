@@ -34,9 +34,10 @@ def spread(x, y):
 
 @pytest.mark.parametrize("name", NAMES)
 def test_estimates_are_the_reference_s(name):
-    """400 steps with seven fits anew: rates to 1e-9 rad/s, covariances to 1e-8 of their size."""
+    """400 steps with seven fits anew: rates to 1e-9 rad/s, covariances to 1e-8 of their size. The
+    reference follows the most probable motion alone."""
     history, settings, Y, rows = golden(name)
-    est = ddmhe.RigidBodyMhe(history, refit="now", **settings)
+    est = ddmhe.RigidBodyMhe(history, refit="now", optima=1, **settings)
     log = est.run(Y)
     at = np.arange(EVERY - 1, len(Y), EVERY)
     upper = np.zeros((len(at), 3, 3))
@@ -47,6 +48,79 @@ def test_estimates_are_the_reference_s(name):
     assert spread(log.covariance[at], expected) < 1e-8
     assert np.array_equal(log.status[at] == "adapting", rows[:, 9] == 1)
     assert set(log.status) <= {"structured", "adapting"}
+
+
+def test_where_one_motion_is_possible_only_it_is_followed():
+    history, settings, Y, _ = golden("target 4")
+    alone = ddmhe.RigidBodyMhe(history, optima=1, **settings).run(Y)
+    est = ddmhe.RigidBodyMhe(history, **settings)
+    assert same(est.run(Y), alone)
+    assert est.report().probabilities == [1.0]
+
+
+def test_where_several_motions_are_possible_the_estimate_is_their_mean():
+    """Of target 3 two motions explain the recording. Before anything is fitted anew the first
+    estimate of both together is the weighted mean of either alone, with the spread in between."""
+    history, settings, Y, _ = golden("target 3")
+    both = ddmhe.RigidBodyMhe(history, **settings)
+    first, second = both.report().probabilities
+    assert first + second == pytest.approx(1.0)
+    assert first > second > 0.01
+    alone = ddmhe.RigidBodyMhe(history, optima=1, **settings)
+    x, P = (e := both.step(Y[0])).x, e.covariance
+    one = alone.step(Y[0])
+    leading = first if np.allclose(alone.report().inertia, both.report().inertia) else second
+    # of the other motion only its mean and covariance can make up the rest
+    other = (x - leading * one.x) / (1 - leading)
+    apart = one.x - other
+    inside = (P - leading * one.covariance - first * second * np.outer(apart, apart)) / (
+        1 - leading
+    )
+    assert np.linalg.norm(apart) > 1e-6
+    assert np.all(np.linalg.eigvalsh(inside) > 0)
+    assert np.linalg.norm(inside) < 10 * np.linalg.norm(one.covariance)
+
+
+def test_measured_rates_pull_the_estimate_to_them():
+    """A camera for ten seconds: errors of its noise's size over many readings, and none of it where
+    it says nothing."""
+    history, settings, Y, _ = golden("target 7")
+    plain = ddmhe.RigidBodyMhe(history, **settings)
+    silent = copy.copy(plain)
+    log = plain.run(Y)
+    nothing = np.full((len(Y), 3), np.nan)
+    assert same(silent.run(Y, X=nothing), log)
+    # what was estimated is not the truth, but a camera may see anything
+    seen = nothing.copy()
+    seen[100:200:10] = log.x[99:199:10] + 0.01
+    camera = ddmhe.RigidBodyMhe(history, rate_noise=1e-4, **settings)
+    with_it = camera.run(Y, X=seen)
+    assert np.array_equal(with_it.x[:100], log.x[:100])
+    pulled = with_it.x[200] - log.x[200]
+    assert np.linalg.norm(pulled) > 1e-3
+    again = ddmhe.RigidBodyMhe(history, rate_noise=1e-4, **settings)
+    for y, x in zip(Y, seen, strict=True):
+        e = again.step(y, x=x)
+    assert np.array_equal(e.x, with_it.x[-1])
+    halfway = ddmhe.RigidBodyMhe(history, rate_noise=1e-4, **settings)
+    halfway.run(Y[:150], X=seen[:150])
+    restored = ddmhe.RigidBodyMhe.restore(halfway.snapshot())
+    assert same(restored.run(Y[150:], X=seen[150:]), halfway.run(Y[150:], X=seen[150:]))
+
+
+def test_a_braked_body_gains_no_energy():
+    """Outputs that no motion explains drive no estimate beyond what the recorded energy allows."""
+    history, settings, Y, _ = golden("target 2")
+    est = ddmhe.RigidBodyMhe(history, **settings)
+    J, std = est.report().inertia, est.report().inertia_std
+    moments = np.linalg.eigvalsh(J)
+    wild = 50 * np.random.default_rng(3).standard_normal(Y.shape) * np.abs(Y).max()
+    log = est.run(wild)
+    recorded = GOLDEN[f"x{NAMES.index('target 2')}"] * UNIT_X
+    fastest = np.linalg.norm(recorded, axis=1).max()
+    most = np.sqrt(1.5 / max(moments[0] - 8 * std.max(), 0.02)) * fastest * 1.1
+    assert np.all(np.abs(log.x) <= most)
+    assert not np.any(log.trusted[50:])
 
 
 @pytest.fixture(scope="module")
@@ -173,6 +247,8 @@ def test_estimates_stay_inside_the_box():
         (dict(y_noise=-1.0), "y_noise: expected standard deviations of at least 0, found -1"),
         (dict(output_noise=np.nan), "output_noise: expected finite numbers"),
         (dict(refit="later"), "refit: expected"),
+        (dict(rate_noise=[1.0, 2.0]), "rate_noise: expected 1 or 3 numbers, found 2"),
+        (dict(optima=5), "optima: expected 1 to 4, found 5"),
         (dict(x_bounds=(1.0, -1.0)), "x_bounds"),
     ],
 )
@@ -190,10 +266,16 @@ def test_recordings_of_no_rates_are_refused():
         (ddmhe.History(x, y, dt=0.1, u=y), "none of known inputs"),
         (ddmhe.History(x[:51], y[:50], dt=0.1), "at least 100 outputs"),
         (ddmhe.History(x, y, dt=0.1, x_units="deg/s"), "rates in rad/s"),
-        (ddmhe.History(0 * x, y, dt=0.1), "expected a state x that changes"),
+        (ddmhe.History(0 * x, y, dt=0.1), "x: expected a body that turns"),
     ]:
         with pytest.raises(ddmhe.DdmheError, match=words):
             ddmhe.RigidBodyMhe(history)
     est = ddmhe.RigidBodyMhe(golden("target 2")[0])
     with pytest.raises(ddmhe.ShapeError, match="y_t: expected 3 numbers"):
         est.step([1.0, 2.0])
+    with pytest.raises(ddmhe.ShapeError, match="x: expected 3 numbers"):
+        est.step([1.0, 2.0, 3.0], x=[1.0, 2.0])
+    with pytest.raises(ddmhe.ShapeError, match=r"X: expected \(5, 3\), found \(4, 3\)"):
+        est.run(np.zeros((5, 3)), X=np.zeros((4, 3)))
+    with pytest.raises(ddmhe.NotFiniteError, match="x"):
+        est.step([1.0, 2.0, 3.0], x=[1.0, 2.0, np.inf])

@@ -36,7 +36,11 @@ use std::sync::MutexGuard;
 /// output_noise : float or array (p,), optional
 ///     Of later outputs; None: as on recorded ones.
 /// x_bounds : (lo, hi), optional
-///     Box on the rates; each side a scalar or (3,).
+///     Box on the rates; each side a scalar or (3,). None: what the recorded energy allows a body
+///     that is braked, where one explains the recording.
+/// rate_noise : float or array (3,), optional
+///     Standard deviation of the noise on rates that are measured later (step's x); None: as on
+///     recorded ones.
 /// fallback : DdMhe, optional
 ///     What estimates where no rigid body does, as it stands; None: one with its defaults, this box
 ///     and this noise.
@@ -46,6 +50,10 @@ use std::sync::MutexGuard;
 ///     steps that it is due in, which take some 10 ms to some 100 ms. "sliced": a little with each
 ///     step, while the filter goes on; fits then come later and are fewer, and errors larger.
 ///     "manual": when refit is called.
+/// optima : int
+///     How many motions that may have made the data are followed at once, 1 to 4, each with its
+///     probability: the estimate is their mean, and its covariance has how far they are apart. 1: the
+///     most probable one alone.
 ///
 /// Raises
 /// ------
@@ -95,9 +103,9 @@ impl RigidBodyMhe {
     #[new]
     #[pyo3(
         signature = (history, *, x_noise=None, y_noise=None, output_noise=None, x_bounds=None,
-            fallback=None, refit=None),
+            rate_noise=None, fallback=None, refit=None, optima=4),
         text_signature = "(history, *, x_noise=None, y_noise=None, output_noise=None, \
-            x_bounds=None, fallback=None, refit='now')"
+            x_bounds=None, rate_noise=None, fallback=None, refit='now', optima=4)"
     )]
     #[allow(clippy::too_many_arguments)] // as many as users see
     fn new(
@@ -106,8 +114,10 @@ impl RigidBodyMhe {
         y_noise: Option<&Bound<'_, PyAny>>,
         output_noise: Option<&Bound<'_, PyAny>>,
         x_bounds: Option<&Bound<'_, PyAny>>,
+        rate_noise: Option<&Bound<'_, PyAny>>,
         fallback: Option<&Bound<'_, DdMhe>>,
         refit: Option<&Bound<'_, PyAny>>,
+        optima: usize,
     ) -> PyResult<Self> {
         let py = history.py();
         let history = History::cast("history", history)?;
@@ -116,7 +126,9 @@ impl RigidBodyMhe {
             y_noise: levels("y_noise", y_noise)?,
             output_noise: levels("output_noise", output_noise)?,
             x_bounds: x_bounds.map(|v| bounds("x_bounds", v, 3, None)).transpose()?,
+            rate_noise: levels("rate_noise", rate_noise)?,
             refit: refit.map(refits).transpose()?.unwrap_or_default(),
+            optima,
         };
         let fallback = fallback.map(|own| Ok::<_, PyErr>(own.get().core()?.clone())).transpose()?;
         let made = || ddmhe_core::RigidBodyMhe::new(&history.core, config, fallback);
@@ -126,13 +138,16 @@ impl RigidBodyMhe {
     /// Consume y(t-1) and estimate the rates at t, at step number t.
     ///
     /// y_t : array (p,), NaN where this entry was not measured.
+    /// x : array (3,), optional. Rates (rad/s) that a sensor read at the instant of y_t, NaN where it
+    ///     did not; their noise is rate_noise.
     /// out : float64 array (3,), optional. It receives the rates and is returned in the place of an
     ///     Estimate; all else about the step is in `estimate`.
-    #[pyo3(signature = (y_t, *, out=None))]
+    #[pyo3(signature = (y_t, *, x=None, out=None))]
     fn step<'py>(
         &self,
         py: Python<'py>,
         y_t: &Bound<'py, PyAny>,
+        x: Option<&Bound<'py, PyAny>>,
         out: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Bound<'py, PyAny>> {
         let mut core = self.core()?;
@@ -141,7 +156,12 @@ impl RigidBodyMhe {
         out.map(|out| writable::<Ix1>("out", out, &[3])).transpose()?;
         let clock = clock(core, core.t());
         let y = Numbers::measured("y_t", y_t)?.into_vector("y_t", p)?;
-        let estimate = py.detach(|| core.step(&y)).map_err(raise)?;
+        let rates = x.map(|x| Numbers::measured("x", x)?.into_vector("x", 3)).transpose()?;
+        let estimate = py.detach(|| match &rates {
+            Some(x) => core.step_with_rates(&y, x),
+            None => core.step(&y),
+        });
+        let estimate = estimate.map_err(raise)?;
         let Some(out) = out else {
             return Ok(Bound::new(py, Estimate::new(estimate, 3, p, clock))?.into_any());
         };
@@ -152,15 +172,18 @@ impl RigidBodyMhe {
     /// Estimate over a whole log Y (N, p), with the GIL released: the same numbers as N calls of
     /// step.
     ///
+    /// X : array (N, 3), optional. Rates (rad/s) that a sensor read at the instants of Y, NaN where it
+    ///     did not.
     /// out : float64 array (N, 3), optional. It receives the rates and is the Log's x.
     ///
     /// A KeyboardInterrupt ends the run as in DdMhe.run.
-    #[pyo3(signature = (Y, *, out=None))]
+    #[pyo3(signature = (Y, *, X=None, out=None))]
     #[allow(non_snake_case)]
     fn run(
         &self,
         py: Python<'_>,
         Y: &Bound<'_, PyAny>,
+        X: Option<&Bound<'_, PyAny>>,
         out: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Log> {
         let (data, rows, columns) = Numbers::measured("Y", Y)?.into_matrix("Y", "(N, p)")?;
@@ -170,10 +193,19 @@ impl RigidBodyMhe {
         if columns != p {
             return Err(ShapeError::new_err(format!("Y: expected {p} columns, found {columns}")));
         }
+        let rates = X.map(|X| Numbers::measured("X", X)?.into_matrix("X", "(N, 3)")).transpose()?;
+        if let Some((_, n, width)) = &rates
+            && (*n, *width) != (rows, 3)
+        {
+            let found = format!("X: expected ({rows}, 3), found ({n}, {width})");
+            return Err(ShapeError::new_err(found));
+        }
         let room = out.map(|out| writable::<Ix2>("out", out, &[rows, 3])).transpose()?;
         let mut signals = Signals::default();
         let clock = clock(core, core.t());
-        let log = py.detach(|| core.run_until(&data, &mut || signals.raised())).map_err(raise)?;
+        let rates = rates.as_ref().map(|(rates, ..)| &rates[..]);
+        let run = || core.run_until(&data, rates, &mut || signals.raised());
+        let log = py.detach(run).map_err(raise)?;
         let made = log.status.len();
         let x = match (out, room) {
             (Some(out), Some(mut room)) => {
@@ -322,6 +354,12 @@ impl RigidBodyReport {
     fn optima<'py>(&self, py: Python<'py>) -> PyResult<Vec<(f64, f64, Bound<'py, PyArray2<f64>>)>> {
         let own = self.core.optima.iter();
         own.map(|o| Ok((o.cost, o.evidence, matrix(py, &o.inertia)?))).collect()
+    }
+
+    /// How probable each of them is as of now.
+    #[getter]
+    fn probabilities(&self) -> Vec<f64> {
+        self.core.optima.iter().map(|o| o.probability).collect()
     }
 
     /// Inertia (3, 3) of trace 3: its scale cannot be seen.

@@ -22,7 +22,8 @@
 //! # A tour
 //! [`motion`] (samples, with their derivatives) ← [`body`] · [`pass`] (the cost of z over all data,
 //! and its [`factor`]) → [`fit`] (Levenberg and Marquardt) → [`posterior`] → [`filter`] (one sample,
-//! from there on) · [`anchoring`] (fits to all data since) → [`stepper`] (both together).
+//! from there on) → [`mixture`] (up to four of them) · [`anchoring`] (fits to all data since) →
+//! [`stepper`] (both together).
 //!
 //! All of it has a fixed size, and nothing is allocated. The number of outputs p is the constant P,
 //! 1 to 6, and N the number of unknowns, [`layout::unknowns`]`(P)`.
@@ -33,6 +34,7 @@ pub mod factor;
 pub mod filter;
 pub mod fit;
 pub mod layout;
+pub mod mixture;
 pub mod motion;
 pub mod pass;
 pub mod posterior;
@@ -43,6 +45,7 @@ pub use anchoring::Anchoring;
 pub use body::Body;
 pub use filter::{Filter, Innovation, Limits};
 pub use fit::Fit;
+pub use mixture::{Member, Mixture};
 pub use motion::Motion;
 pub use pass::Data;
 pub use posterior::{Misfit, Posterior};

@@ -3,8 +3,9 @@
 
 use crate::rigid::affine::Affine;
 use crate::rigid::recording::Recording;
-use ddmhe_run::rigid::anchoring::{EULER, OPTIMA, Optima, SAME, other_offset};
+use ddmhe_run::rigid::anchoring::{OPTIMA, Optima, other_offset};
 use ddmhe_run::rigid::layout::unknowns;
+use ddmhe_run::rigid::posterior::{EULER, SAME};
 use ddmhe_run::rigid::{Body, Fit, Motion, Posterior};
 
 /// Steps of a fit, and of one with blurred noise.

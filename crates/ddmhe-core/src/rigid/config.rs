@@ -5,6 +5,7 @@ use crate::config::Bounds;
 use crate::config_checks::check_box;
 use crate::error::Error;
 use crate::history::History;
+use ddmhe_run::rigid::anchoring::OPTIMA;
 use serde::{Deserialize, Serialize};
 
 /// Most outputs.
@@ -25,7 +26,7 @@ pub enum Refits {
 }
 
 /// Settings; what is None is read off the recording.
-#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct RigidConfig {
     /// Standard deviation of the noise on recorded rates (rad/s): one, or three.
     pub x_noise: Option<Vec<f64>>,
@@ -33,10 +34,29 @@ pub struct RigidConfig {
     pub y_noise: Option<Vec<f64>>,
     /// On later outputs: one, or p; None: as on recorded ones.
     pub output_noise: Option<Vec<f64>>,
-    /// Box on ω (rad/s).
+    /// On rates that are measured later (rad/s): one, or three; None: as on recorded ones.
+    pub rate_noise: Option<Vec<f64>>,
+    /// Box on ω (rad/s); None: what the recorded energy allows a body that is braked, where a body
+    /// explains the recording.
     pub x_bounds: Option<Bounds>,
     /// When the motion is fitted anew.
     pub refit: Refits,
+    /// How many motions that may have made the data are followed at once, 1 to 4.
+    pub optima: usize,
+}
+
+impl Default for RigidConfig {
+    fn default() -> Self {
+        RigidConfig {
+            x_noise: None,
+            y_noise: None,
+            output_noise: None,
+            rate_noise: None,
+            x_bounds: None,
+            refit: Refits::default(),
+            optima: OPTIMA,
+        }
+    }
 }
 
 impl RigidConfig {
@@ -60,12 +80,16 @@ impl RigidConfig {
             let expected = format!("at least {SAMPLES} outputs");
             return Err(Error::shape("history", expected, history.T()));
         }
+        if !(1..=OPTIMA).contains(&self.optima) {
+            return Err(Error::value("optima", format!("1 to {OPTIMA}"), self.optima));
+        }
         if let Some(unit) = history.x_units().iter().find(|unit| !matches!(&unit[..], "" | "rad/s"))
         {
             return Err(Error::value("history", "rates in rad/s", format!("x_units \"{unit}\"")));
         }
         check_noise("x_noise", self.x_noise.as_deref(), 3)?;
         check_noise("y_noise", self.y_noise.as_deref(), p)?;
+        check_noise("rate_noise", self.rate_noise.as_deref(), 3)?;
         check_noise("output_noise", self.output_noise.as_deref(), p)?;
         self.x_bounds.as_ref().map_or(Ok(()), |bounds| check_box("x_bounds", bounds, &[3]))
     }

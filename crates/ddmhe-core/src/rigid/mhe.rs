@@ -1,6 +1,6 @@
 //! The estimator of a tumbling rigid body, beside [`DdMhe`].
 
-use crate::config::Config;
+use crate::config::{Bounds, Config};
 use crate::config_checks::{check_measured, check_output};
 use crate::error::Error;
 use crate::estimate::{Estimate, Log};
@@ -13,6 +13,7 @@ use crate::rigid::report::Report;
 use crate::rigid::saved::Saved;
 use crate::snapshot::{Kind, from_bytes, to_bytes};
 use ddmhe_run::Status;
+use ddmhe_run::rigid::Limits;
 use serde::{Deserialize, Serialize};
 
 /// Score above which the affine estimator takes over, if its own is less than half, for so many
@@ -83,6 +84,7 @@ impl RigidBodyMhe {
         fallback: Option<DdMhe>,
     ) -> Result<Self, Error> {
         config.check(history)?;
+        let rigid = online(history, &config)?;
         let fallback = match fallback {
             Some(own) if (own.n(), own.p()) != (3, history.p()) || own.history().m() > 0 => {
                 let expected = format!("a DdMhe of n = 3 and p = {} without inputs", history.p());
@@ -91,12 +93,12 @@ impl RigidBodyMhe {
             }
             Some(own) => own,
             None => {
-                let (x_bounds, output_noise) =
-                    (config.x_bounds.clone(), config.output_noise.clone());
+                let energy = |Limits { lo, hi }| Bounds { lo: lo.to_vec(), hi: hi.to_vec() };
+                let x_bounds = config.x_bounds.clone().or(rigid.limits().map(energy));
+                let output_noise = config.output_noise.clone();
                 DdMhe::new(history, Config { x_bounds, output_noise, ..Config::default() })?
             }
         };
-        let rigid = online(history, &config)?;
         let (history, estimate) = (history.clone(), Estimate::default());
         Ok(RigidBodyMhe { history, config, rigid, fallback, estimate, run: Judged::NEW })
     }
@@ -109,7 +111,19 @@ impl RigidBodyMhe {
     /// [`Error::Shape`] or [`Error::NotFinite`] (infinite entry); the estimator is then unchanged.
     pub fn step(&mut self, y: &[f64]) -> Result<&Estimate, Error> {
         check_output(y, self.history.p())?;
-        self.advance(y)?;
+        self.advance(y, None)?;
+        Ok(&self.estimate)
+    }
+
+    /// [`step`](Self::step) with rates `x` (3, NaN = not measured) that a sensor read at the instant
+    /// of y, with the noise [`RigidConfig::rate_noise`].
+    ///
+    /// # Errors
+    /// As [`step`](Self::step), of either.
+    pub fn step_with_rates(&mut self, y: &[f64], x: &[f64]) -> Result<&Estimate, Error> {
+        check_output(y, self.history.p())?;
+        check_rates(x, 1)?;
+        self.advance(y, Some(x))?;
         Ok(&self.estimate)
     }
 
@@ -120,28 +134,35 @@ impl RigidBodyMhe {
     /// As [`step`](Self::step); the whole log is checked first, so a bad row leaves the estimator
     /// unchanged.
     pub fn run(&mut self, ys: &[f64]) -> Result<Log, Error> {
-        self.run_until(ys, &mut || false)
+        self.run_until(ys, None, &mut || false)
     }
 
-    /// [`run`](Self::run) until `stop`, asked every 50 ms or so, is true: the log then ends with the
-    /// last step made.
+    /// [`run`](Self::run), with rates `xs` (3 N) where they are given as in
+    /// [`step_with_rates`](Self::step_with_rates), until `stop`, asked every 50 ms or so, is true:
+    /// the log then ends with the last step made.
     ///
     /// # Errors
     /// As [`run`](Self::run).
-    pub fn run_until(&mut self, ys: &[f64], stop: &mut dyn FnMut() -> bool) -> Result<Log, Error> {
+    pub fn run_until(
+        &mut self,
+        ys: &[f64],
+        xs: Option<&[f64]>,
+        stop: &mut dyn FnMut() -> bool,
+    ) -> Result<Log, Error> {
         let p = self.history.p();
         if !ys.len().is_multiple_of(p) {
             return Err(Error::shape("Y", format!("a multiple of p = {p} numbers"), ys.len()));
         }
         check_measured("Y", ys, p)?;
+        xs.map_or(Ok(()), |xs| check_rates(xs, ys.len() / p))?;
         let mut log = Log::default();
         log.reserve(ys.len() / p, (3, p), true);
         let mut interrupt = Interrupt::new(stop);
-        for y in ys.chunks_exact(p) {
+        for (k, y) in ys.chunks_exact(p).enumerate() {
             if interrupt.stopped() {
                 break;
             }
-            self.advance(y)?;
+            self.advance(y, xs.map(|xs| &xs[3 * k..3 * k + 3]))?;
             log.push(&self.estimate);
         }
         Ok(log)
@@ -259,7 +280,7 @@ impl RigidBodyMhe {
     }
 
     /// One step on checked input.
-    fn advance(&mut self, y: &[f64]) -> Result<(), Error> {
+    fn advance(&mut self, y: &[f64], rates: Option<&[f64]>) -> Result<(), Error> {
         let affine = self.fallback.step(y)?;
         let squares = affine.evidence.iter().flat_map(|own| {
             let variances = own.innovation.iter().zip(&own.innovation_variance);
@@ -277,7 +298,7 @@ impl RigidBodyMhe {
             let own = self.rigid.score();
             let worse = own > LOST.0 && own > 2.0 * self.run.score;
             self.run.worse = if worse { self.run.worse + 1 } else { 0 };
-            if self.run.worse <= LOST.1 && self.rigid.advance(y, &mut self.estimate) {
+            if self.run.worse <= LOST.1 && self.rigid.advance(y, rates, &mut self.estimate) {
                 return Ok(());
             }
             self.rigid.give_up();
@@ -288,4 +309,12 @@ impl RigidBodyMhe {
         }
         Ok(())
     }
+}
+
+/// Whether rates of so many samples are finite or not measured.
+fn check_rates(xs: &[f64], count: usize) -> Result<(), Error> {
+    if xs.len() != 3 * count {
+        return Err(Error::shape("x", format!("{count} times 3 rates"), xs.len()));
+    }
+    check_measured("x", xs, 3)
 }

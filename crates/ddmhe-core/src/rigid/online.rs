@@ -10,17 +10,26 @@ use crate::rigid::config::{Refits, RigidConfig};
 use crate::rigid::recording::Recording;
 use crate::rigid::report::Report;
 use crate::rigid::saved::Saved;
+use ddmhe_run::rigid::anchoring::Optima;
 use ddmhe_run::rigid::filter::DISAGREE;
-use ddmhe_run::rigid::layout::unknowns;
+use ddmhe_run::rigid::layout::{INERTIA, TILT, unknowns};
+use ddmhe_run::rigid::small::inertia;
 use ddmhe_run::rigid::stepper::last_fit;
-use ddmhe_run::rigid::{Data, Innovation, Limits, Refit, Stepper};
+use ddmhe_run::rigid::{Body, Data, Innovation, Limits, Posterior, Refit, Stepper};
 use ddmhe_run::{Reasons, Status};
+use faer::{Mat, Side};
 use std::sync::Arc;
+
+/// No body's smallest moment of inertia is less, its mean being 1.
+const LEAST_MOMENT: f64 = 0.02;
 
 /// A run whatever the number of outputs is, which is a constant of its type.
 pub(crate) trait Online: Send + Sync {
-    /// Consumes y(t-1); whether there is a motion that foretells x(t). `estimate` says what it is.
-    fn advance(&mut self, y: &[f64], estimate: &mut Estimate) -> bool;
+    /// Consumes y(t-1), and rates of the same instant where they were measured; whether there is a
+    /// motion that foretells x(t). `estimate` says what it is.
+    fn advance(&mut self, y: &[f64], rates: Option<&[f64]>, estimate: &mut Estimate) -> bool;
+    /// The box on ω.
+    fn limits(&self) -> Option<Limits>;
     /// The moving average of the squared innovations.
     fn score(&self) -> f64;
     /// Fits all data anew; whether a rigid body explains them.
@@ -49,6 +58,7 @@ struct Ground<const P: usize, const N: usize> {
     choice: Choice<P, N>,
     noise: [f64; P],
     refit: Option<Refit>,
+    most: usize,
     limits: Option<Limits>,
     /// Of the recorded rates: half their deviations, and their ranges with a quarter more.
     half: [f64; 3],
@@ -60,6 +70,8 @@ struct Run<const P: usize, const N: usize> {
     ground: Arc<Ground<P, N>>,
     stepper: Option<Stepper<P, N>>,
     later: Vec<[f64; P]>,
+    /// Rates that were measured with them; empty as long as none was.
+    rates: Vec<[f64; 3]>,
 }
 
 /// A new run.
@@ -96,23 +108,52 @@ impl<const P: usize, const N: usize> Ground<P, N> {
             Refits::Now => Refit::Now,
             Refits::Manual => Refit::Manual,
         });
-        let limits = config.x_bounds.as_ref().map(|Bounds { lo, hi }| Limits {
-            lo: [lo[0], lo[1], lo[2]],
-            hi: [hi[0], hi[1], hi[2]],
-        });
+        let limits = match &config.x_bounds {
+            Some(Bounds { lo, hi }) => {
+                Some(Limits { lo: [lo[0], lo[1], lo[2]], hi: [hi[0], hi[1], hi[2]] })
+            }
+            None if choice.explained => {
+                let most = fastest(&choice.optima) * (recording.fastest + 3.0 * recording.of_x[0]);
+                Some(Limits { lo: [-most; 3], hi: [most; 3] })
+            }
+            None => None,
+        };
         let (half, range) = spread(&recording.x);
-        Ok(Ground { recording, choice, noise, refit, limits, half, range })
+        let most = config.optima;
+        Ok(Ground { recording, choice, noise, refit, most, limits, half, range })
     }
 
     fn start(&self) -> Option<Stepper<P, N>> {
-        let settings = (self.recording.size, self.recording.known);
-        Stepper::new(self.choice.optima, &self.noise, self.refit, settings)
+        let settings = (self.recording.size, self.recording.known, self.most);
+        Stepper::new(&self.choice.optima, &self.noise, self.refit, settings)
     }
 
     /// The recording and what came since.
-    fn data<'a>(&'a self, later: &'a [[f64; P]]) -> Data<'a, P> {
-        Data { later, of_later: self.noise, ..self.recording.data(0.0) }
+    fn data<'a>(&'a self, later: &'a [[f64; P]], rates: &'a [[f64; 3]]) -> Data<'a, P> {
+        Data { later, rates, of_later: self.noise, ..self.recording.data(0.0) }
     }
+
+    /// How many later outputs are kept.
+    fn room(&self) -> usize {
+        let last = last_fit(self.recording.y.len()) + 1;
+        // slices of the last fits, and what is replayed after them
+        if self.refit == Some(Refit::Sliced) { 2 * last } else { last }
+    }
+}
+
+/// By what factor a braked body may turn faster than it has turned: √(largest / smallest moment of
+/// inertia), with three deviations on either, of the optimum that allows most. Energy is not gained.
+fn fastest<const P: usize, const N: usize>(optima: &Optima<P, N>) -> f64 {
+    let of = |found: &Posterior<Body<P, N>, N>| {
+        let J = inertia(&found.z[INERTIA..TILT]);
+        let spread: f64 = (INERTIA..TILT).map(|i| found.P[i][i]).sum::<f64>().sqrt();
+        let moments = Mat::from_fn(3, 3, |i, k| J[i][k]).self_adjoint_eigenvalues(Side::Lower);
+        let Ok(moments) = moments else { return f64::INFINITY };
+        let (least, most) = (moments[0] - 3.0 * spread, moments[2] + 3.0 * spread);
+        // two moments exceed the third
+        (most.min(1.5) / least.max(LEAST_MOMENT)).sqrt()
+    };
+    optima.iter().flatten().map(of).fold(1.0, f64::max)
 }
 
 /// Half the deviations of recorded rates, and their ranges with a quarter more on either side.
@@ -134,28 +175,46 @@ fn spread(x: &[[f64; 3]]) -> ([f64; 3], [[f64; 2]; 3]) {
 impl<const P: usize, const N: usize> Run<P, N> {
     fn new<const NA: usize>(history: &History, config: &RigidConfig) -> Result<Self, Error> {
         let ground = Ground::new::<NA>(history, config)?;
-        // up to the last fit nothing is allocated
         let stepper = ground.start();
-        let last = last_fit(ground.recording.y.len());
-        let room = if stepper.is_some() { last + 1 } else { 0 };
-        Ok(Run { ground: Arc::new(ground), stepper, later: Vec::with_capacity(room) })
+        // nothing is allocated later
+        let room = if stepper.is_some() { ground.room() } else { 0 };
+        let (later, rates) = (Vec::with_capacity(room), Vec::with_capacity(room));
+        Ok(Run { ground: Arc::new(ground), stepper, later, rates })
+    }
+
+    /// Keeps what was measured as long as there may be a fit of it.
+    fn keep(&mut self, y: [f64; P], rates: Option<[f64; 3]>) {
+        let Some(stepper) = &mut self.stepper else { return };
+        let room = self.ground.room();
+        let gap = stepper.t > self.later.len() + 1;
+        if stepper.refit != Some(Refit::Manual) && (gap || self.later.len() >= room) {
+            stepper.work = None;
+            return;
+        }
+        self.later.push(y);
+        if let (Some(x), true) = (rates, self.rates.is_empty()) {
+            self.rates.resize(self.later.len() - 1, [f64::NAN; 3]);
+            self.rates.push(x);
+        } else if !self.rates.is_empty() {
+            self.rates.push(rates.unwrap_or([f64::NAN; 3]));
+        }
     }
 
     /// What the step found.
     fn tell(&self, said: &Innovation<P>, to: &mut Estimate) {
         let (Some(stepper), ground) = (&self.stepper, &self.ground) else { return };
-        let filter = &stepper.filter;
-        let w = filter.w();
+        let (Some(leading), (w, covariance)) = (stepper.leading(), stepper.mixture.mean()) else {
+            return;
+        };
+        let filter = &leading.filter;
         to.x.copy_from_slice(&w);
         to.window.copy_from_slice(&w);
         to.status = if filter.adapts() { Status::Adapting } else { Status::Structured };
         let squares = (0..P).map(|i| said.value[i] * said.value[i] / said.variance[i]);
         to.cost = squares.filter(|v| v.is_finite()).sum();
         let Some(evidence) = &mut to.evidence else { return };
-        for i in 0..3 {
-            evidence.covariance[3 * i..3 * i + 3].copy_from_slice(&filter.P[i][..3]);
-        }
-        let uncertain = (0..3).any(|i| filter.P[i][i].sqrt() > ground.half[i]);
+        evidence.covariance.copy_from_slice(covariance.as_flattened());
+        let uncertain = (0..3).any(|i| covariance[i][i].sqrt() > ground.half[i]);
         let outside = (0..3).any(|i| w[i] < ground.range[i][0] || w[i] > ground.range[i][1]);
         let reasons = [
             (Reasons::NOVEL, filter.adapts()),
@@ -191,28 +250,39 @@ pub(crate) fn blank(p: usize) -> Estimate {
 }
 
 impl<const P: usize, const N: usize> Online for Run<P, N> {
-    fn advance(&mut self, y: &[f64], estimate: &mut Estimate) -> bool {
+    fn advance(&mut self, y: &[f64], rates: Option<&[f64]>, estimate: &mut Estimate) -> bool {
         let Some(stepper) = &mut self.stepper else { return false };
         let mut sample = [0.0; P];
         sample.copy_from_slice(y);
-        let (said, foretold) = stepper.advance(&mut sample);
+        let mut rates = rates.map(|x| [x[0], x[1], x[2]]);
+        let noise = self.ground.recording.of_rates;
+        let (said, foretold) = stepper.advance(&mut sample, rates.as_mut().map(|x| (x, &noise)));
         if foretold {
-            self.later.push(sample);
-            stepper.anchor(&self.ground.data(&self.later), self.ground.limits.as_ref());
+            self.keep(sample, rates);
         }
-        if !foretold || stepper.filter.w().iter().any(|v| !v.is_finite()) {
+        let Some(stepper) = &mut self.stepper else { return false };
+        if foretold {
+            let data = self.ground.data(&self.later, &self.rates);
+            stepper.anchor(&data, self.ground.limits.as_ref());
+        }
+        if !foretold || stepper.mixture.mean().0.iter().any(|v| !v.is_finite()) {
             return false;
         }
         self.tell(&said, estimate);
         true
     }
 
+    fn limits(&self) -> Option<Limits> {
+        self.ground.limits
+    }
+
     fn score(&self) -> f64 {
-        self.stepper.as_ref().map_or(0.0, |stepper| stepper.filter.score)
+        let leading = self.stepper.as_ref().and_then(|stepper| stepper.leading());
+        leading.map_or(0.0, |leading| leading.filter.score)
     }
 
     fn refit(&mut self) -> bool {
-        let data = self.ground.data(&self.later);
+        let data = self.ground.data(&self.later, &self.rates);
         self.stepper.as_mut().is_some_and(|stepper| stepper.fit_anew(&data))
     }
 
@@ -223,6 +293,7 @@ impl<const P: usize, const N: usize> Online for Run<P, N> {
     fn restart(&mut self) {
         self.stepper = self.ground.start();
         self.later.clear();
+        self.rates.clear();
     }
 
     fn is_rigid(&self) -> bool {
@@ -236,21 +307,24 @@ impl<const P: usize, const N: usize> Online for Run<P, N> {
     fn report(&self) -> Option<Report> {
         let known = self.ground.recording.known;
         match &self.stepper {
-            Some(own) => Some(Report::of(own.best()?, Some(&own.filter), &own.optima, known)),
-            None => Some(Report::of(self.ground.choice.closest.as_ref()?, None, &[], known)),
+            Some(own) => Report::of_run(&own.mixture, known),
+            None => Some(Report::of_fit(self.ground.choice.closest.as_ref()?, known)),
         }
     }
 
     fn saved(&self) -> Saved {
-        Saved::of(self.stepper.as_ref(), &self.later)
+        Saved::of(self.stepper.as_ref(), &self.later, &self.rates)
     }
 
     fn resume(&mut self, saved: &Saved) -> Result<(), Error> {
         let new = self.ground.start();
-        (self.stepper, self.later) = saved.resumed(new, &self.ground.recording)?;
+        let room = self.ground.room();
+        (self.stepper, self.later, self.rates) =
+            saved.resumed(new, &self.ground.recording, room)?;
         if let Some(stepper) = &mut self.stepper {
             let ground = &self.ground;
-            saved.resume_work(stepper, &ground.recording, &ground.data(&self.later))?;
+            let data = ground.data(&self.later, &self.rates);
+            saved.resume_work(stepper, &ground.recording, &data)?;
         }
         Ok(())
     }

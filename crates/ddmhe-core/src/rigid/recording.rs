@@ -51,6 +51,7 @@ pub(crate) struct Recording<const P: usize> {
     pub of_x: [f64; 3],
     pub of_y: [f64; P],
     pub of_later: [f64; P],
+    pub of_rates: [f64; 3],
     pub known: bool,
     /// Affine least squares: y = C ω + r (p × 4, with r as the last column), ω̇ (3 × 4).
     seen: Mat<f64>,
@@ -78,6 +79,8 @@ impl<const P: usize> Recording<P> {
         let (mut of_y, mut of_later) = ([0.0; P], [0.0; P]);
         fill(&mut of_y, config.y_noise.as_deref(), &recorded_y, LEAST_NOISE * size);
         fill(&mut of_later, config.output_noise.as_deref(), &of_y, LEAST_NOISE * size);
+        let mut of_rates = [0.0; 3];
+        fill(&mut of_rates, config.rate_noise.as_deref(), &of_x, LEAST_NOISE * W);
         let (dt, T) = (history.dt(), y.len());
         let regressors = Mat::from_fn(T, 4, |k, i| if i < 3 { x[k][i] } else { 1.0 });
         let outputs = Mat::from_fn(T, P, |k, i| y[k][i]);
@@ -85,7 +88,21 @@ impl<const P: usize> Recording<P> {
         let seen = least_squares(&regressors, &outputs, 0.0).transpose().to_owned();
         let moved = least_squares(&regressors, &rates, 0.0).transpose().to_owned();
         let known = config.x_noise.is_some() && config.y_noise.is_some();
-        Ok(Recording { x, y, dt, W, size, fastest, of_x, of_y, of_later, known, seen, moved })
+        Ok(Recording {
+            x,
+            y,
+            dt,
+            W,
+            size,
+            fastest,
+            of_x,
+            of_y,
+            of_later,
+            of_rates,
+            known,
+            seen,
+            moved,
+        })
     }
 
     /// The recording alone, its noise at least so many times its signals.
@@ -94,9 +111,11 @@ impl<const P: usize> Recording<P> {
             x: &self.x,
             y: &self.y,
             later: &[],
+            rates: &[],
             of_x: self.of_x.map(|v| v.max(blurred * self.W)),
             of_y: self.of_y.map(|v| v.max(blurred * self.size)),
             of_later: self.of_later,
+            of_rates: self.of_rates,
         }
     }
 

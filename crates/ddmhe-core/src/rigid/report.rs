@@ -2,7 +2,7 @@
 
 use ddmhe_run::rigid::layout::{INERTIA, TILT};
 use ddmhe_run::rigid::small::{along_basis, inertia};
-use ddmhe_run::rigid::{Body, Filter, Posterior};
+use ddmhe_run::rigid::{Body, Mixture, Posterior};
 
 /// One optimum of the fit.
 #[derive(Debug, Clone, PartialEq)]
@@ -15,6 +15,8 @@ pub struct Optimum {
     pub inertia: [[f64; 3]; 3],
     /// Whether drag and output have a cubic part.
     pub cubic: bool,
+    /// How probable it is as of now, of those that are kept.
+    pub probability: f64,
 }
 
 /// What the estimator says of the body, as of now.
@@ -40,27 +42,41 @@ pub struct Report {
 }
 
 impl Report {
-    /// Of a fit, and of the filter where one goes on from it.
-    pub(crate) fn of<const P: usize, const N: usize>(
+    /// Of a run.
+    pub(crate) fn of_run<const P: usize, const N: usize>(
+        mixture: &Mixture<P, N>,
+        known: bool,
+    ) -> Option<Self> {
+        let leading = mixture.at(mixture.leading())?;
+        let now = (&leading.filter.z, &leading.filter.P);
+        let mut report = Report::of(&leading.found, now, known);
+        let all = mixture.members().zip(mixture.probabilities());
+        report.optima = all.map(|(member, p)| optimum(&member.found, p)).collect();
+        report.optima.sort_by(|a, b| b.probability.total_cmp(&a.probability));
+        Some(report)
+    }
+
+    /// Of a fit that nothing goes on from.
+    pub(crate) fn of_fit<const P: usize, const N: usize>(
         best: &Posterior<Body<P, N>, N>,
-        filter: Option<&Filter<P, N>>,
-        optima: &[Option<Posterior<Body<P, N>, N>>],
         known: bool,
     ) -> Self {
-        let (z, covariance) = filter.map_or((&best.z, &best.P), |filter| (&filter.z, &filter.P));
+        Report::of(best, (&best.z, &best.P), known)
+    }
+
+    /// Of a fit, with z and P as of now.
+    fn of<const P: usize, const N: usize>(
+        best: &Posterior<Body<P, N>, N>,
+        (z, covariance): (&[f64; N], &[[f64; N]; N]),
+        known: bool,
+    ) -> Self {
         let b = best.motion.unseen(z);
         let length = b.iter().map(|v| v * v).sum::<f64>().sqrt();
-        let optimum = |f: &Posterior<Body<P, N>, N>| Optimum {
-            cost: f.cost,
-            evidence: f.evidence,
-            inertia: inertia(&f.z[INERTIA..TILT]),
-            cubic: f.motion.cubic,
-        };
         let mut report = Report {
             chi: best.misfit.chi,
             limits: best.misfit.limits(known),
             evidence: best.evidence,
-            optima: optima.iter().flatten().map(optimum).collect(),
+            optima: Vec::new(),
             inertia: inertia(&z[INERTIA..TILT]),
             inertia_std: inertia_std(covariance),
             unseen: b.map(|v| v / length),
@@ -97,6 +113,19 @@ impl Report {
                  error along it but the motion, if the body is rigid"
             ),
         ]
+    }
+}
+
+fn optimum<const P: usize, const N: usize>(
+    f: &Posterior<Body<P, N>, N>,
+    probability: f64,
+) -> Optimum {
+    Optimum {
+        cost: f.cost,
+        evidence: f.evidence,
+        inertia: inertia(&f.z[INERTIA..TILT]),
+        cubic: f.motion.cubic,
+        probability,
     }
 }
 

@@ -2,88 +2,105 @@
 
 use crate::error::Error;
 use crate::rigid::recording::Recording;
-use ddmhe_run::rigid::anchoring::{OPTIMA, Optima};
+use ddmhe_run::rigid::anchoring::{OPTIMA, STEPS};
 use ddmhe_run::rigid::motion::Steps;
-use ddmhe_run::rigid::stepper::{Work, last_fit, slice};
-use ddmhe_run::rigid::{Anchoring, Body, Data, Filter, Misfit, Posterior, Stepper};
+use ddmhe_run::rigid::stepper::{Work, slice};
+use ddmhe_run::rigid::{Anchoring, Body, Data, Member, Misfit, Mixture, Posterior, Stepper};
 use serde::{Deserialize, Serialize};
 
 /// What changes from step to step.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Saved {
-    /// One list an optimum; none where there is no motion any more.
-    optima: Vec<Vec<f64>>,
-    filter: Vec<f64>,
+    /// One list a member; none where there is no motion any more.
+    members: Vec<Vec<f64>>,
+    t: usize,
     later: Vec<f64>,
+    rates: Vec<f64>,
     fits: usize,
     begun: usize,
     work: SavedWork,
 }
 
-/// What goes on beside the filter.
+/// What goes on beside the filters.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 enum SavedWork {
     /// Nothing.
     #[default]
     None,
-    /// Fits: their starts, the number of outputs, how often they were advanced, the optimum other
-    /// than the best that they begin at, too, and whether they try the other prior on offsets.
+    /// Fits: their starts, the number of outputs, their steps at most, how often they were advanced,
+    /// and whether they try the other prior on offsets.
     Fits(Vec<Vec<f64>>, usize, usize, usize, bool),
-    /// A filter on its way to the newest output: optima, filter, and the next output.
-    Replay(Vec<Vec<f64>>, Vec<f64>, usize),
+    /// Members on their way to the newest output, and the next output.
+    Replay(Vec<Vec<f64>>, usize),
 }
 
 impl Saved {
     pub fn of<const P: usize, const N: usize>(
         stepper: Option<&Stepper<P, N>>,
         later: &[[f64; P]],
+        rates: &[[f64; 3]],
     ) -> Self {
         let Some(stepper) = stepper else { return Saved::default() };
         let work = match &stepper.work {
             None => SavedWork::None,
-            Some(Work::Fits(fits, calls, other)) => {
+            Some(Work::Fits(fits, calls)) => {
                 let starts = fits.starts().map(|(body, z)| [of_body(body), z.to_vec()].concat());
-                SavedWork::Fits(starts.collect(), fits.end(), *calls, *other, fits.settles())
+                let (starts, end) = (starts.collect(), fits.end());
+                SavedWork::Fits(starts, end, fits.steps(), *calls, fits.settles())
             }
-            Some(Work::Replay(optima, filter, next)) => {
-                SavedWork::Replay(of_optima(optima), of_filter(filter), *next)
+            Some(Work::Replay(mixture, next)) => {
+                SavedWork::Replay(mixture.members().map(of_member).collect(), *next)
             }
         };
         Saved {
-            optima: of_optima(&stepper.optima),
-            filter: of_filter(&stepper.filter),
+            members: stepper.mixture.members().map(of_member).collect(),
+            t: stepper.t,
             later: later.as_flattened().to_vec(),
+            rates: rates.as_flattened().to_vec(),
             fits: stepper.fits,
             begun: stepper.begun,
             work,
         }
     }
 
-    /// The run that was saved, `new` as it begins, but for its work.
+    /// The run that was saved, `new` as it begins, but for its work; and what was measured, in room
+    /// for so many samples.
     ///
     /// # Errors
     /// [`Error::Value`] for content that no run has.
+    #[allow(clippy::type_complexity)]
     pub fn resumed<const P: usize, const N: usize>(
         &self,
         new: Option<Stepper<P, N>>,
         recording: &Recording<P>,
-    ) -> Result<(Option<Stepper<P, N>>, Vec<[f64; P]>), Error> {
-        if self.optima.is_empty() {
-            return Ok((None, Vec::new()));
+        room: usize,
+    ) -> Result<(Option<Stepper<P, N>>, Vec<[f64; P]>, Vec<[f64; 3]>), Error> {
+        if self.members.is_empty() {
+            return Ok((None, Vec::new(), Vec::new()));
         }
         let mut stepper = new.ok_or_else(wrong)?;
-        let (later, rest) = self.later.as_chunks::<P>();
-        let infinite = self.later.iter().any(|v| v.is_infinite());
-        if !rest.is_empty() || infinite || self.fits > later.len() + 1 || self.begun > later.len() {
+        let ((later, rest), (rates, left)) =
+            (self.later.as_chunks::<P>(), self.rates.as_chunks::<3>());
+        let infinite = |of: &[f64]| of.iter().any(|v| v.is_infinite());
+        if !(rest.is_empty() && left.is_empty())
+            || infinite(&self.later)
+            || infinite(&self.rates)
+            || !(rates.is_empty() || rates.len() == later.len())
+            || later.len() > self.t
+            || self.fits > self.t + 1
+            || self.begun > self.t
+        {
             return Err(wrong());
         }
-        (stepper.t, stepper.fits, stepper.begun) = (later.len(), self.fits, self.begun);
-        let steps = recording.steps();
-        stepper.optima = read_optima(&stepper, steps, &self.optima).ok_or_else(wrong)?;
-        stepper.filter = read_filter(&stepper, &stepper.optima, &self.filter).ok_or_else(wrong)?;
-        let mut log = Vec::with_capacity(last_fit(recording.y.len()).max(later.len()) + 1);
-        log.extend_from_slice(later);
-        Ok((Some(stepper), log))
+        (stepper.t, stepper.fits, stepper.begun) = (self.t, self.fits, self.begun);
+        let mixture = read_mixture(&stepper, recording.steps(), &self.members);
+        stepper.mixture = mixture.ok_or_else(wrong)?;
+        let (mut outputs, mut seen) = (Vec::new(), Vec::new());
+        outputs.reserve_exact(room.max(later.len()));
+        seen.reserve_exact(room.max(later.len()));
+        outputs.extend_from_slice(later);
+        seen.extend_from_slice(rates);
+        Ok((Some(stepper), outputs, seen))
     }
 
     /// Its work, of which fits are made again as far as they had come.
@@ -99,16 +116,16 @@ impl Saved {
         let steps = recording.steps();
         stepper.work = match &self.work {
             SavedWork::None => None,
-            SavedWork::Fits(starts, end, calls, other, settles) => {
+            SavedWork::Fits(starts, end, most, calls, settles) => {
                 let all = data.y.len()..data.y.len() + data.later.len() + 1;
                 if starts.len() > OPTIMA + 1
                     || !all.contains(end)
                     || *calls > stepper.t
-                    || *other >= OPTIMA
+                    || *most > STEPS
                 {
                     return Err(wrong());
                 }
-                let base = stepper.best().ok_or_else(wrong)?.motion;
+                let base = stepper.leading().ok_or_else(wrong)?.found.motion;
                 let mut read = Vec::new();
                 for numbers in starts {
                     let mut from = Reader(numbers);
@@ -116,20 +133,19 @@ impl Saved {
                     read.push((body, from.take().ok_or_else(wrong)?));
                 }
                 let settings = (stepper.size, stepper.known, *settles);
-                let fits = Anchoring::new(read.into_iter(), *end, settings);
+                let fits = Anchoring::new(read.into_iter(), *end, *most, settings);
                 let mut fits = fits.ok_or_else(wrong)?;
                 for _ in 0..*calls {
                     fits.advance(data, slice(P));
                 }
-                Some(Work::Fits(fits, *calls, *other))
+                Some(Work::Fits(fits, *calls))
             }
-            SavedWork::Replay(optima, filter, next) => {
-                if *next > stepper.t {
+            SavedWork::Replay(members, next) => {
+                let mixture = read_mixture(stepper, steps, members).ok_or_else(wrong)?;
+                if *next > data.later.len() {
                     return Err(wrong());
                 }
-                let optima = read_optima(stepper, steps, optima).ok_or_else(wrong)?;
-                let filter = read_filter(stepper, &optima, filter).ok_or_else(wrong)?;
-                Some(Work::Replay(optima, filter, *next))
+                Some(Work::Replay(mixture, *next))
             }
         };
         Ok(())
@@ -140,40 +156,37 @@ fn wrong() -> Error {
     Error::value("blob", "an estimator of a rigid body", "numbers of none")
 }
 
-/// z and P by rows, score and share of wild samples.
-fn of_filter<const P: usize, const N: usize>(filter: &Filter<P, N>) -> Vec<f64> {
-    [&filter.z[..], filter.P.as_flattened(), &[filter.score, filter.wild]].concat()
-}
-
-fn read_filter<const P: usize, const N: usize>(
-    stepper: &Stepper<P, N>,
-    optima: &Optima<P, N>,
-    numbers: &[f64],
-) -> Option<Filter<P, N>> {
-    let mut filter = Filter::new(optima[0].as_ref()?, &stepper.filter.noise);
-    let mut from = Reader(numbers);
-    from.fill(&mut filter.z)?;
-    from.fill(filter.P.as_flattened_mut())?;
-    [filter.score, filter.wild] = from.take()?;
-    from.0.is_empty().then_some(filter)
-}
-
-fn of_optima<const P: usize, const N: usize>(optima: &Optima<P, N>) -> Vec<Vec<f64>> {
-    optima.iter().flatten().map(numbers).collect()
-}
-
-fn read_optima<const P: usize, const N: usize>(
+fn read_mixture<const P: usize, const N: usize>(
     stepper: &Stepper<P, N>,
     steps: Steps,
-    saved: &[Vec<f64>],
-) -> Option<Optima<P, N>> {
-    let base = stepper.best()?.motion;
-    let mut optima = [const { None }; OPTIMA];
-    (1..=OPTIMA).contains(&saved.len()).then_some(())?;
-    for (to, numbers) in optima.iter_mut().zip(saved) {
-        *to = Some(posterior(&base, steps, numbers)?);
-    }
-    Some(optima)
+    members: &[Vec<f64>],
+) -> Option<Mixture<P, N>> {
+    (1..=OPTIMA).contains(&members.len()).then_some(())?;
+    let read = members.iter().map(|numbers| read_member(stepper, steps, numbers));
+    Mixture::of(read.collect::<Option<Vec<_>>>()?.into_iter())
+}
+
+/// A fit; then z and P by rows, score and shares of wild samples of its filter.
+fn of_member<const P: usize, const N: usize>(member: &Member<P, N>) -> Vec<f64> {
+    let filter = &member.filter;
+    let rest = [filter.score, filter.wild, filter.wild_rates];
+    [&numbers(&member.found)[..], &filter.z, filter.P.as_flattened(), &rest].concat()
+}
+
+fn read_member<const P: usize, const N: usize>(
+    stepper: &Stepper<P, N>,
+    steps: Steps,
+    numbers: &[f64],
+) -> Option<Member<P, N>> {
+    let leading = stepper.leading()?;
+    let mut from = Reader(numbers);
+    let found = posterior(&leading.found.motion, steps, &mut from)?;
+    let mut member = Member::new(&found, &leading.filter.noise);
+    let filter = &mut member.filter;
+    from.fill(&mut filter.z)?;
+    from.fill(filter.P.as_flattened_mut())?;
+    [filter.score, filter.wild, filter.wild_rates] = from.take()?;
+    from.0.is_empty().then_some(member)
 }
 
 /// Finite numbers one after the other.
@@ -226,14 +239,13 @@ fn numbers<const P: usize, const N: usize>(of: &Posterior<Body<P, N>, N>) -> Vec
 fn posterior<const P: usize, const N: usize>(
     base: &Body<P, N>,
     steps: Steps,
-    numbers: &[f64],
+    from: &mut Reader<'_>,
 ) -> Option<Posterior<Body<P, N>, N>> {
-    let mut from = Reader(numbers);
-    let motion = read_body(base, steps, &mut from)?;
+    let motion = read_body(base, steps, from)?;
     let (z, w) = (from.take()?, from.take()?);
     let mut covariance = [[0.0; N]; N];
     from.fill(covariance.as_flattened_mut())?;
     let [cost, evidence] = from.take()?;
     let misfit = Misfit { chi: from.take()?, terms: from.take()? };
-    from.0.is_empty().then_some(Posterior { motion, z, w, P: covariance, cost, evidence, misfit })
+    Some(Posterior { motion, z, w, P: covariance, cost, evidence, misfit })
 }

@@ -1,23 +1,18 @@
-//! The motion fitted anew to recording and all outputs since, from where the filter stands and from
-//! each optimum that was kept, in slices.
+//! The motion fitted anew to recording and all outputs since, from several starts, in slices.
 
 use crate::rigid::body::Body;
 use crate::rigid::fit::Fit;
 use crate::rigid::layout::offset;
 use crate::rigid::motion::Motion;
 use crate::rigid::pass::Data;
-use crate::rigid::posterior::Posterior;
+use crate::rigid::posterior::{EULER, Posterior};
 
 /// Optima that are kept.
 pub const OPTIMA: usize = 4;
-/// Steps of a fit online.
-const STEPS: usize = 40;
-/// Costs that differ by less are of one optimum.
-pub const SAME: f64 = 0.1;
+/// Steps of a fit online that goes to its end.
+pub const STEPS: usize = 40;
 /// An optimum is kept whose cost exceeds the least by less than this.
 const KEPT: f64 = 30.0;
-/// What Euler's forward rule is to gain before it is believed: a simulation, not a body.
-pub const EULER: f64 = 6.0;
 /// An offset that is free, relative to the size of the outputs; one that is not, to their noise.
 pub const OFFSET: f64 = 0.1;
 
@@ -44,6 +39,8 @@ pub struct Anchoring<const P: usize, const N: usize> {
     found: [Option<Posterior<Body<P, N>, N>>; OPTIMA + 1],
     fit: Fit<Body<P, N>, P, N>,
     stage: Stage,
+    /// Steps of a fit at most.
+    steps: usize,
     /// Root-mean-square size of the recorded outputs.
     size: f64,
     /// Whether the noise was stated, not read off the recording.
@@ -53,20 +50,22 @@ pub struct Anchoring<const P: usize, const N: usize> {
 }
 
 impl<const P: usize, const N: usize> Anchoring<P, N> {
-    /// Of the outputs before number `end`, from up to five starts.
+    /// Of the outputs before number `end`, from up to five starts, each in at most so many steps.
     pub fn new(
         starts: impl Iterator<Item = (Body<P, N>, [f64; N])>,
         end: usize,
+        steps: usize,
         (size, known, settles): (f64, bool, bool),
     ) -> Option<Self> {
         let mut own = [const { None }; OPTIMA + 1];
         own.iter_mut().zip(starts).for_each(|(own, start)| *own = Some(start));
         let (body, z) = own[0]?;
         Some(Anchoring {
-            fit: Fit::new(&body, &z, end, STEPS),
+            fit: Fit::new(&body, &z, end, steps),
             starts: own,
             found: [const { None }; OPTIMA + 1],
             stage: Stage::Starts(0),
+            steps,
             size,
             known,
             settles,
@@ -81,6 +80,11 @@ impl<const P: usize, const N: usize> Anchoring<P, N> {
     /// Whether the other prior on offsets is tried.
     pub fn settles(&self) -> bool {
         self.settles
+    }
+
+    /// Steps of a fit at most.
+    pub fn steps(&self) -> usize {
+        self.steps
     }
 
     /// How many outputs the fits are of.
@@ -139,8 +143,7 @@ impl<const P: usize, const N: usize> Anchoring<P, N> {
     /// Keeps an optimum that is not there yet.
     fn keep(&mut self, found: Option<Posterior<Body<P, N>, N>>) {
         let Some(found) = found else { return };
-        let same = |f: &Posterior<Body<P, N>, N>| (f.cost - found.cost).abs() < SAME;
-        if !self.found.iter().flatten().any(same)
+        if !self.found.iter().flatten().any(|other| other.is(&found))
             && let Some(room) = self.found.iter_mut().find(|f| f.is_none())
         {
             *room = Some(found);
@@ -170,7 +173,7 @@ impl<const P: usize, const N: usize> Anchoring<P, N> {
     }
 
     fn of(&self, body: &Body<P, N>, z: &[f64; N]) -> Fit<Body<P, N>, P, N> {
-        Fit::new(body, z, self.fit.end(), STEPS)
+        Fit::new(body, z, self.fit.end(), self.steps)
     }
 }
 

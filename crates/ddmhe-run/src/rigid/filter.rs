@@ -5,7 +5,7 @@ use crate::rigid::body::Body;
 use crate::rigid::layout::{DRAG, DRAG_CUBIC, GAIN, offset};
 use crate::rigid::motion::{MOVING, Motion, Row, SEEN, flow_with_slopes};
 use crate::rigid::posterior::Posterior;
-use crate::rigid::small::Vector;
+use crate::rigid::small::{Matrix, Vector};
 
 /// An entry whose squared innovation is more than so many of its variances counts as not measured.
 const GATE: f64 = 36.0;
@@ -58,6 +58,8 @@ pub struct Filter<const P: usize, const N: usize> {
     pub score: f64,
     /// Share of samples with a wild entry, a moving average.
     pub wild: f64,
+    /// Share of measured rates with a wild entry, a moving average.
+    pub wild_rates: f64,
 }
 
 /// Box on ω.
@@ -82,12 +84,28 @@ impl<const P: usize, const N: usize> Filter<P, N> {
             walk[part].fill(size.root());
         }
         walk[offset(P)..offset(P) + P].copy_from_slice(noise);
-        Filter { z, P: found.P, noise: *noise, walk, cap, score: 1.0, wild: 0.0 }
+        Filter { z, P: found.P, noise: *noise, walk, cap, score: 1.0, wild: 0.0, wild_rates: 0.0 }
+    }
+
+    /// Goes on where another stood: with its averages.
+    pub fn inherit(&mut self, before: &Self) {
+        self.score = before.score.min(1.0);
+        (self.wild, self.wild_rates) = (before.wild, before.wild_rates);
     }
 
     /// ω.
     pub fn w(&self) -> Vector {
         [self.z[0], self.z[1], self.z[2]]
+    }
+
+    /// Whether the motion ran away.
+    pub fn ran_away(&self) -> bool {
+        !self.z[0].is_finite()
+    }
+
+    /// Covariance of the error of ω.
+    pub fn of_w(&self) -> Matrix {
+        [0, 1, 2].map(|i| [self.P[i][0], self.P[i][1], self.P[i][2]])
     }
 
     /// Whether model and data disagree.
@@ -132,6 +150,42 @@ impl<const P: usize, const N: usize> Filter<P, N> {
             }
         }
         said
+    }
+
+    /// Consumes rates x that were measured at the instant of ω, NaN = not measured, and their noise.
+    /// Wild entries of x become NaN.
+    pub fn see(&mut self, x: &mut Vector, noise: &Vector) {
+        let squared = |own: &Self, i: usize| {
+            let (v, variance) = (x[i] - own.z[i], own.P[i][i] + noise[i] * noise[i]);
+            (v * v, variance)
+        };
+        let wild = [0, 1, 2].map(|i| {
+            let (square, variance) = squared(self, i);
+            square > GATE * variance // false for NaN
+        });
+        if x.iter().all(|v| v.is_nan()) {
+            return;
+        }
+        self.wild_rates += RATE * (f64::from(u8::from(wild.contains(&true))) - self.wild_rates);
+        for i in 0..3 {
+            if wild[i] && self.wild_rates < MANY {
+                x[i] = f64::NAN;
+            }
+        }
+        let (mut count, mut squares) = (0.0, 0.0);
+        for i in (0..3).filter(|&i| x[i].is_finite()) {
+            let (v, variance) = (x[i] - self.z[i], self.P[i][i] + noise[i] * noise[i]);
+            let (gain, column) = (v / variance, self.P[i]);
+            self.z.iter_mut().zip(&column).for_each(|(z, along)| *z += gain * along);
+            for (row, by) in self.P.iter_mut().zip(column) {
+                row.iter_mut().zip(&column).for_each(|(own, c)| *own -= by / variance * c);
+            }
+            (0..N).for_each(|k| self.P[k][k] = self.P[k][k].max(LEAST));
+            (count, squares) = (count + 1.0, squares + v * v / variance);
+        }
+        if count > 0.0 {
+            self.score += RATE * ((squares / count).min(MOST) - self.score);
+        }
     }
 
     /// P h
@@ -189,7 +243,10 @@ impl<const P: usize, const N: usize> Filter<P, N> {
     #[inline(always)]
     pub fn predict(&mut self, body: &Body<P, N>) -> bool {
         let (parts, mut F) = (body.parts(&self.z), [[0.0; MOVING]; 3]);
-        let Some(w) = flow_with_slopes(body, &parts, self.w(), &mut F) else { return false };
+        let Some(w) = flow_with_slopes(body, &parts, self.w(), &mut F) else {
+            self.z[0] = f64::NAN;
+            return false;
+        };
         self.z[..3].copy_from_slice(&w);
         let mut moved = [[0.0; N]; 3];
         for (row, F) in moved.iter_mut().zip(&F) {

@@ -19,12 +19,16 @@ pub struct Data<'a, const P: usize> {
     pub y: &'a [[f64; P]],
     /// Later outputs.
     pub later: &'a [[f64; P]],
+    /// Later rates, as many as there are later outputs, or none of all.
+    pub rates: &'a [Vector],
     /// Noise of recorded rates.
     pub of_x: Vector,
     /// Of recorded outputs.
     pub of_y: [f64; P],
     /// Of later ones.
     pub of_later: [f64; P],
+    /// Of later rates.
+    pub of_rates: Vector,
 }
 
 impl<const P: usize> Data<'_, P> {
@@ -35,6 +39,12 @@ impl<const P: usize> Data<'_, P> {
             true => (&self.y[k], &self.of_y),
             false => (&self.later[k - self.y.len()], &self.of_later),
         }
+    }
+
+    /// The rates that were measured with later output k.
+    #[inline(always)]
+    fn rate(&self, k: usize) -> Option<&Vector> {
+        self.rates.get(k.wrapping_sub(self.y.len()))
     }
 }
 
@@ -141,6 +151,9 @@ impl<const P: usize, const N: usize> Pass<P, N> {
                 self.flush();
                 return true;
             }
+            if let Some(x) = data.rate(self.next) {
+                self.rate(x, &data.of_rates);
+            }
             self.output(motion, &parts, data.output(self.next));
             let mut F = [[0.0; MOVING]; 3];
             match flow_with_slopes(motion, &parts, self.w, &mut F) {
@@ -167,6 +180,16 @@ impl<const P: usize, const N: usize> Pass<P, N> {
         }
         self.cost += e.iter().map(|e| e * e).sum::<f64>();
         self.of_x.take(&e);
+    }
+
+    /// Rows of a later rate.
+    fn rate(&mut self, x: &Vector, noise: &Vector) {
+        for i in (0..3).filter(|&i| x[i].is_finite()) {
+            let by = 1.0 / noise[i];
+            let (row, e) = (self.S[i].map(|v| v * by), (x[i] - self.w[i]) * by);
+            self.cost += e * e;
+            self.push(&row, e);
+        }
     }
 
     /// Rows of an output.

@@ -1,7 +1,14 @@
 //! What a fit found.
 
 use crate::panels::Root;
+use crate::rigid::body::Body;
+use crate::rigid::layout::TILT;
 use crate::rigid::small::Vector;
+
+/// Costs that differ by less are of one optimum.
+pub const SAME: f64 = 0.1;
+/// What Euler's forward rule is to gain before it is believed: a simulation, not a body.
+pub const EULER: f64 = 6.0;
 
 /// The most probable motion given all data of a fit, and how certain it is.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -20,6 +27,49 @@ pub struct Posterior<M, const N: usize> {
     pub evidence: f64,
     /// How the residuals compare with their noise.
     pub misfit: Misfit,
+}
+
+impl<const P: usize, const N: usize> Posterior<Body<P, N>, N> {
+    /// (ω at the end of the data, θ).
+    fn at_end(&self) -> [f64; N] {
+        let mut z = self.z;
+        z[..3].copy_from_slice(&self.w);
+        z
+    }
+
+    /// Whether another is the same optimum: as probable, and as near as it is known.
+    pub fn is(&self, other: &Self) -> bool {
+        (self.cost - other.cost).abs() < SAME && self.is_near(other)
+    }
+
+    /// Whether the rates and inertia of another are nearer than they are known.
+    pub fn is_near(&self, other: &Self) -> bool {
+        apart(&self.at_end(), &other.at_end(), &self.P) < APART
+    }
+
+    /// The evidence, less what is to be gained before a body is believed to move by Euler's rule.
+    pub fn weight(&self) -> f64 {
+        self.evidence - if self.motion.steps.substeps == 0 { 0.5 * EULER } else { 0.0 }
+    }
+}
+
+/// Motions are the same whose rates and inertias are apart by less.
+const APART: f64 = 0.5;
+
+/// How far two motions are apart in ω and j, which no coordinates change: squared, in units of P.
+fn apart<const N: usize>(a: &[f64; N], b: &[f64; N], P: &[[f64; N]; N]) -> f64 {
+    // L Lᵀ = P of (ω, j), u = L⁻¹ (a - b)
+    let (mut L, mut u) = ([[0.0; TILT]; TILT], [0.0; TILT]);
+    for i in 0..TILT {
+        for k in 0..=i {
+            let known: f64 = (0..k).map(|q| L[i][q] * L[k][q]).sum();
+            let rest = P[i][k] - known;
+            L[i][k] = if i == k { rest.max(f64::MIN_POSITIVE).root() } else { rest / L[k][k] };
+        }
+        let known: f64 = (0..i).map(|q| L[i][q] * u[q]).sum();
+        u[i] = (a[i] - b[i] - known) / L[i][i];
+    }
+    u.iter().map(|v| v * v).sum()
 }
 
 /// Mean squares of the residuals in units of their noise: of states, of outputs, and of both in means

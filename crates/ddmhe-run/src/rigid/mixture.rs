@@ -1,0 +1,190 @@
+//! Up to four motions that may have made the data, each with a filter of its own: their mean, and how
+//! far they are apart.
+
+use crate::rigid::anchoring::{OPTIMA, Optima};
+use crate::rigid::body::Body;
+use crate::rigid::filter::{DISAGREE, Filter, Limits};
+use crate::rigid::pass::Data;
+use crate::rigid::posterior::Posterior;
+use crate::rigid::small::{Matrix, Vector};
+
+/// One that is less probable than this does not count for the mean.
+const COUNTED: f64 = 1e-3;
+
+/// One of them.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Member<const P: usize, const N: usize> {
+    /// Its latest fit.
+    pub found: Posterior<Body<P, N>, N>,
+    /// What goes on from there.
+    pub filter: Filter<P, N>,
+}
+
+/// All of them, the first is always there; and how probable each is as of its fit, 0 where that is
+/// next to nothing: it is then where a later fit may begin, and its filter rests.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Mixture<const P: usize, const N: usize> {
+    members: [Option<Member<P, N>>; OPTIMA],
+    probabilities: [f64; OPTIMA],
+}
+
+impl<const P: usize, const N: usize> Mixture<P, N> {
+    /// From the end of a fit's data on, of at most so many optima; None without one. Those that are
+    /// the same count once, and those of Euler's rule only where the best is: it is a way to
+    /// simulate, not a body.
+    pub fn new(optima: &Optima<P, N>, noise: &[f64; P], most: usize) -> Option<Self> {
+        let euler = |found: &Posterior<Body<P, N>, N>| found.motion.steps.substeps == 0;
+        let first = euler(optima[0].as_ref()?);
+        let mut members = [const { None }; OPTIMA];
+        let mut free = 0;
+        for found in optima.iter().flatten().filter(|found| euler(found) == first) {
+            let same = |other: &Member<P, N>| other.found.is_near(found);
+            if free < most && !members.iter().flatten().any(same) {
+                members[free] = Some(Member::new(found, noise));
+                free += 1;
+            }
+        }
+        Mixture::of(members.into_iter().flatten())
+    }
+
+    /// Of these; None without one.
+    pub fn of(given: impl Iterator<Item = Member<P, N>>) -> Option<Self> {
+        let mut members = [const { None }; OPTIMA];
+        members.iter_mut().zip(given).for_each(|(own, member)| *own = Some(member));
+        let mut mixture = Mixture { members, probabilities: [0.0; OPTIMA] };
+        mixture.weigh().then_some(mixture)
+    }
+
+    /// Probabilities anew, from the evidence of the fits; whether there is a member.
+    fn weigh(&mut self) -> bool {
+        let weights = self.members.map(|m| m.map_or(f64::NEG_INFINITY, |m| m.found.weight()));
+        let most = weights.into_iter().fold(f64::NEG_INFINITY, f64::max);
+        let mut p = weights
+            .map(|weight| if weight > f64::NEG_INFINITY { libm::exp(weight - most) } else { 0.0 });
+        for _ in 0..2 {
+            let sum: f64 = p.iter().sum();
+            p = p.map(|v| if v < COUNTED * sum { 0.0 } else { v / sum });
+        }
+        self.probabilities = p;
+        self.members[0].is_some()
+    }
+
+    /// The members.
+    pub fn members(&self) -> impl Iterator<Item = &Member<P, N>> {
+        self.members.iter().flatten()
+    }
+
+    /// Those that count, with their places.
+    pub fn counted_mut(&mut self) -> impl Iterator<Item = (usize, &mut Member<P, N>)> {
+        let counted = self.members.iter_mut().enumerate().zip(self.probabilities);
+        counted.filter_map(|((k, member), p)| Some((k, member.as_mut().filter(|_| p > 0.0)?)))
+    }
+
+    /// Place of the most probable one.
+    pub fn leading(&self) -> usize {
+        let p = self.probabilities();
+        (1..OPTIMA).fold(0, |best, k| if p[k] > p[best] { k } else { best })
+    }
+
+    /// That at a place.
+    pub fn at(&self, place: usize) -> Option<&Member<P, N>> {
+        self.members.get(place)?.as_ref()
+    }
+
+    /// Probabilities of the members, by place, as of their fits; 0 of those that do not count, and of
+    /// those that outputs since have contradicted while others go on well.
+    pub fn probabilities(&self) -> [f64; OPTIMA] {
+        let mut p = self.probabilities;
+        if p[0] == 1.0 {
+            return p;
+        }
+        let score = |k: usize| self.members[k].as_ref().map_or(f64::INFINITY, |m| m.filter.score);
+        let counted = (0..OPTIMA).filter(|&k| p[k] > 0.0);
+        let least = counted.map(score).fold(f64::INFINITY, f64::min);
+        let limit = DISAGREE.max(least);
+        (0..OPTIMA).filter(|&k| !(score(k) <= limit)).for_each(|k| p[k] = 0.0);
+        let sum: f64 = p.iter().sum();
+        p.map(|v| v / sum)
+    }
+
+    /// Leaves out motions that ran away; whether any is left.
+    pub fn drop_runaways(&mut self) -> bool {
+        for own in &mut self.members {
+            own.take_if(|member| member.filter.ran_away());
+        }
+        let mut free = 0;
+        for k in 0..OPTIMA {
+            if self.members[k].is_some() {
+                self.members.swap(free, k);
+                free += 1;
+            }
+        }
+        self.weigh()
+    }
+
+    /// All filters over later outputs, which `data` has; whether one is left that did not run away.
+    pub fn replay(
+        &mut self,
+        data: &Data<'_, P>,
+        range: core::ops::Range<usize>,
+        limits: Option<&Limits>,
+    ) -> bool {
+        let mut ran_away = false;
+        for k in range {
+            for (_, member) in self.counted_mut() {
+                let (mut y, motion) = (data.later[k], &member.found.motion);
+                if let Some(mut x) = data.rates.get(k).copied() {
+                    member.filter.see(&mut x, &data.of_rates);
+                }
+                member.filter.update(motion, &mut y);
+                ran_away |= !member.filter.predict(motion);
+                limits.into_iter().for_each(|limits| member.filter.confine(limits));
+            }
+        }
+        !ran_away || self.drop_runaways()
+    }
+
+    /// Mean of ω, and the covariance of its error.
+    pub fn mean(&self) -> (Vector, Matrix) {
+        let p = self.probabilities();
+        let counted = || {
+            let all = p.iter().zip(&self.members).filter(|(p, _)| **p > 0.0);
+            all.filter_map(|(p, m)| Some((*p, m.as_ref()?)))
+        };
+        if let (Some((_, only)), 1) = (counted().next(), counted().count()) {
+            return (only.filter.w(), only.filter.of_w());
+        }
+        let (mut w, mut covariance) = ([0.0; 3], [[0.0; 3]; 3]);
+        for (p, member) in counted() {
+            w.iter_mut().zip(member.filter.w()).for_each(|(sum, own)| *sum += p * own);
+        }
+        for (p, member) in counted() {
+            let (own, within) = (member.filter.w(), member.filter.of_w());
+            for i in 0..3 {
+                for k in 0..3 {
+                    covariance[i][k] += p * (within[i][k] + (own[i] - w[i]) * (own[k] - w[k]));
+                }
+            }
+        }
+        (w, covariance)
+    }
+}
+
+impl<const P: usize, const N: usize> Member<P, N> {
+    /// From the end of a fit's data on.
+    pub fn new(found: &Posterior<Body<P, N>, N>, noise: &[f64; P]) -> Self {
+        Member { found: *found, filter: Filter::new(found, noise) }
+    }
+
+    /// Where a fit from its latest optimum would begin.
+    pub fn from_optimum(&self) -> (Body<P, N>, [f64; N]) {
+        self.found.motion.rebased(&self.found.z)
+    }
+
+    /// Where a fit from its filter would begin.
+    pub fn from_filter(&self) -> (Body<P, N>, [f64; N]) {
+        let mut z = self.filter.z;
+        z[..3].copy_from_slice(&self.found.z[..3]);
+        self.found.motion.rebased(&z)
+    }
+}
