@@ -307,3 +307,13 @@ def test_wrong_options_of_reading(tmp_path):
     ):
         with pytest.raises(ddmhe.DdmheError, match=words):
             read(path, **COMMON | options)
+
+
+def test_blanks_in_names_part_no_cells(tmp_path):
+    """A name in part, `w1` of `w1 [rad/s]`: the commas part the cells, and the whole name is
+    suggested."""
+    head = "t [s],w1 [rad/s],w2 [rad/s],q1 [N m]"
+    rows = [",".join(row) for row in ROWS]
+    path = written(tmp_path / "log.csv", "\n".join([head, *rows]))
+    with pytest.raises(LogError, match=r"did you mean 'w1 \[rad/s\]'"):
+        read(path, **COMMON)

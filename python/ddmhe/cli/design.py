@@ -9,7 +9,7 @@ import click
 import numpy as np
 
 from ddmhe import report
-from ddmhe._core import History
+from ddmhe._core import DdmheError, History, RigidBodyMhe
 from ddmhe.checks import word
 from ddmhe.cli.answer import Answer, answers
 from ddmhe.cli.options import directory_option, log_options
@@ -71,6 +71,7 @@ def command(
             given["noise_x"], given["noise_y"], given["noise_w"], given["noise_kind"]
         )
     with answer.working("designing"):
+        body = _as_rigid_body(split.history)
         model = designs.identify(split.history)
         placement = designs.pole_placement(split.history, radius)
         certificate = designs.ioss(split.history, eta, condition=condition, noise=noise)
@@ -81,10 +82,27 @@ def command(
     answer.show(
         report.design(f"Design from {word(log.name)}", split.history, model, placement, certificate)
     )
-    for words in (placement.words, certificate.words):
+    for words in (placement.words, certificate.words, *([] if body is None else body["words"])):
         answer.say(words)
-    answer.facts(**_facts(split.history, model, placement, certificate))
+    answer.facts(**_facts(split.history, model, placement, certificate), rigid_body=body)
     answer.wrote(written)
+
+
+def _as_rigid_body(h: History) -> dict[str, Any] | None:
+    """Whether a tumbling body explains the recording, and in words; None where it is not of three
+    rates."""
+    rates = h.n == 3 and h.m == 0 and set(h.x_units) <= {"", "rad/s"}
+    if not rates:
+        return None
+    try:
+        est = RigidBodyMhe(h)
+    except DdmheError as e:
+        return {"explained": None, "words": [f"as a rigid body: {e}"]}
+    found = est.report()
+    words = [] if found is None else found.words[:1]
+    if est.explained:
+        words.append("--estimator rigid-body of `ddmhe estimate` follows it beyond the recording")
+    return {"explained": est.explained, "words": words}
 
 
 def _facts(

@@ -12,12 +12,12 @@ from typing import Any
 
 import click
 
-from ddmhe._core import DdMhe
 from ddmhe.checks import file_words
 from ddmhe.cli.answer import Answer, answers
 from ddmhe.cli.estimated import facts, summary, write_files
+from ddmhe.cli.estimators import choose, estimator_option
 from ddmhe.cli.follow import follow
-from ddmhe.cli.in_force import in_force, say_why, who_gave
+from ddmhe.cli.in_force import who_gave
 from ddmhe.cli.metadata import metadata, read_as
 from ddmhe.cli.options import log_options
 from ddmhe.cli.page import check_page, report_option, step_times, write_page_of
@@ -48,6 +48,7 @@ FIGURES = (".png", ".pdf", ".svg")
     "--plot", type=click.Path(path_type=Path), metavar="FILE.png", help="Where a figure goes."
 )
 @report_option
+@estimator_option
 @setting_options
 @click.option("--follow", is_flag=True, help="LOG is still being written: a line in, one out.")
 @click.option(
@@ -73,7 +74,7 @@ def command(
     input. Writes a row for every step: time, states, STATE_std, `trusted` (1 or 0), `reasons`
     (novel, uncertain, stuck, outside, joined by +), `status`, OUTPUT_innovation, and STATE_true
     where the log holds the states; prints the errors then."""
-    resume, live = given.pop("resume"), given.pop("follow")
+    resume, live, kind = given.pop("resume"), given.pop("follow"), given.pop("estimator")
     if resume is not None and not live:
         raise click.UsageError("--resume: expected with --follow, found alone")
     own = {key: given.pop(key) for key in OF_ESTIMATOR}
@@ -81,6 +82,8 @@ def command(
     if live:
         if page is not None:
             raise click.BadParameter("expected without --follow, found both", param_hint="--report")
+        if kind != "dd":
+            raise click.BadParameter("expected dd with --follow", param_hint="--estimator")
         _follow(answer, log, out, plot, given, (from_file, own), resume)
         return
     check_page(page)
@@ -90,32 +93,33 @@ def command(
     samples, split = read(answer, log, given)
     named = settings_of(from_file, own, samples.names, split.goes_on)
     with answer.working("preparing"):
-        est = DdMhe(split.history, **named)
+        chosen = choose(kind, split, named)
+    est = chosen.est
     at_first = list(est.warnings)
     _warn(answer, samples, split, at_first)
     asked = len(split.Y)
-    fresh = None if page is None else copy(est)
+    fresh = None if page is None else replace(chosen, est=copy(est))
     begin = time.perf_counter()
-    estimates = run(answer, est, split.Y, split.U)
+    estimates = run(answer, chosen.runner(split.Y, split.U), asked)
     took = time.perf_counter() - begin
     if len(estimates.x) < asked:
         answer.stop()
         samples, split = _cut(samples, split, len(estimates.x))
-    about = metadata(split, est, named, how)
+    about = metadata(split, chosen.in_force(), named, how, est.warnings)
     written = write_files(target, figure, split, estimates, about)
     if page is not None and fresh is not None:
         told = list(in_words_of(samples.names, est.warnings, split.t))
         times = step_times(fresh, split, took)
         written.append(write_page_of(page, split, (est, estimates), about, told, times))
     _warn(answer, samples, split, [told for told in est.warnings if told not in at_first])
-    marks = in_force(est, named, who_gave(from_file, own, config))
-    answer.show(summary(samples, split, est, estimates, marks))
-    say_why(answer, est)
+    marks = chosen.rows(who_gave(from_file, own, config))
+    answer.show(summary(samples, split, chosen.promise, estimates, marks))
+    chosen.say_more(answer)
     trust = Trust.of_log(estimates)
     if trust is not None:
-        answer.say(trust.words(est.promise))
+        answer.say(trust.words(chosen.promise))
     answer.facts(**{k: v for k, v in about.items() if k not in ("ddmhe", "warnings", "notes")})
-    answer.facts(**facts(split, est, estimates))
+    answer.facts(**facts(split, chosen.promise, estimates, chosen.facts()))
     answer.wrote(written, replaced)
     if not written:
         answer.say("nothing was written; --out estimate.csv writes the estimates")

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ddmhe import report
-from ddmhe._core import DdMhe, History
+from ddmhe._core import History
 from ddmhe._core import Log as Estimates
 from ddmhe.checks import word
 from ddmhe.recordings import Log, Recorded
@@ -24,7 +24,11 @@ __all__ = ["facts", "summary", "write_files"]
 
 
 def summary(
-    log: Log, split: Recorded, est: DdMhe, estimates: Estimates, settings: Mapping[str, str]
+    log: Log,
+    split: Recorded,
+    promise: Array | None,
+    estimates: Estimates,
+    settings: Mapping[str, str],
 ) -> Any:
     """The table that is printed: `settings` as they are in force, how the steps ended, what is
     promised, errors where the truth is known."""
@@ -38,17 +42,19 @@ def summary(
             f"{np.median(estimates.bound):.4g} median, {np.max(estimates.bound):.4g} at most"
         )
     rows |= _rejected(log.names.output, estimates)
-    if est.promise is not None:
+    if promise is not None:
         rows |= {
             f"promised rms {name}": "unknown" if np.isnan(value) else f"{value:.4g}"
-            for name, value in zip(log.names.state, est.promise, strict=True)
+            for name, value in zip(log.names.state, promise, strict=True)
         }
     if split.x_true is not None:
         rows |= _errors(log.names.state, split.history, estimates, split.x_true)
     return report.table(f"Estimates of {word(Path(log.path).name)}", {"": rows})
 
 
-def facts(split: Recorded, est: DdMhe, estimates: Estimates) -> dict[str, Any]:
+def facts(
+    split: Recorded, promise: Array | None, estimates: Estimates, of_system: Mapping[str, Any]
+) -> dict[str, Any]:
     """Every number of the table, and those that it leaves out."""
     log, h = split.log, split.history
     states = log.names.state
@@ -57,13 +63,11 @@ def facts(split: Recorded, est: DdMhe, estimates: Estimates) -> dict[str, Any]:
         "dt": log.dt,
         "filled": int(np.sum(log.lines == 0)),
         "delay": dict(log.delay),
-        "why": est.settings.why,
-        "trajectory_space": {"directions": est.rank, "ridge": est.ridge},
-        "spectral_radius": est.spectral_radius,
+        **of_system,
         "steps": len(estimates.x),
         "status": Counter(map(str, estimates.status)),
         "no_bound_active": float(np.mean(estimates.active == 0)),
-        "promise": None if est.promise is None else dict(zip(states, est.promise, strict=True)),
+        "promise": None if promise is None else dict(zip(states, promise, strict=True)),
         "trusted": None if trust is None else float(np.mean(trust.trusted)),
     }
     if estimates.bound is not None:

@@ -9,6 +9,7 @@ import click
 
 from ddmhe._core import DdMhe, DdmheError, RankError
 from ddmhe.cli.answer import Answer, answers
+from ddmhe.cli.estimators import Chosen
 from ddmhe.cli.findings import Findings, notation, states_table
 from ddmhe.cli.options import log_options
 from ddmhe.cli.reading import read, untold
@@ -37,7 +38,11 @@ def command(answer: Answer, log: Path, **given: Any) -> None:
         answer.say(f"The recording is not enough: {in_words_of(samples.names, [str(e)])[0]}.")
         answer.facts(enough=False, sentences=[str(e)])
         return
-    estimates = run(answer, est, split.Y, split.U) if len(split.Y) else None
+    estimates = (
+        run(answer, Chosen(est, {}).runner(split.Y, split.U), len(split.Y))
+        if len(split.Y)
+        else None
+    )
     if estimates is not None and len(estimates) < len(split.Y):
         answer.stop()
     fresh = DdMhe(h, start="recording")  # its warnings are of the recording alone

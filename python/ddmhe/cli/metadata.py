@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, fields
 from importlib.metadata import version
 from typing import Any
 
-from ddmhe._core import DdMhe
 from ddmhe.config import plain_settings
 from ddmhe.recordings import Recorded
 from ddmhe.recordings.options import Reading
 
-__all__ = ["metadata", "read_as"]
+__all__ = ["IN_FORCE", "metadata", "read_as"]
 
 IN_FORCE = ("horizon", "rho", "mu", "weights", "process_noise", "start", "space")
 """Settings that an estimator states."""
@@ -26,11 +25,14 @@ def read_as(given: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def metadata(
-    split: Recorded, est: DdMhe, named: Mapping[str, Any], how: Mapping[str, Any]
+    split: Recorded,
+    force: Mapping[str, Any],
+    named: Mapping[str, Any],
+    how: Mapping[str, Any],
+    warnings: Sequence[str],
 ) -> dict[str, Any]:
     """What estimates are made of, in values of JSON: version, logs with their hashes, how they were
     read, the settings in force and those that were named."""
-    force = {key: getattr(est.settings, key) for key in IN_FORCE}
     sources = [split.log, *split.recordings]
     return {
         "ddmhe": version("ddmhe"),
@@ -41,5 +43,5 @@ def metadata(
         "notes": list(split.notes),
         "settings": plain_settings(force),
         "named": plain_settings(named),
-        "warnings": list(est.warnings),
+        "warnings": list(warnings),
     }

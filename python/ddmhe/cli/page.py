@@ -16,8 +16,8 @@ import click
 import numpy as np
 
 from ddmhe import report
-from ddmhe._core import DdMhe
 from ddmhe.checks import file_words
+from ddmhe.cli.estimators import Chosen
 from ddmhe.files import check_writable
 from ddmhe.recordings import Recorded
 from ddmhe.report.web import Source, StepTimes
@@ -47,13 +47,13 @@ def check_page(path: Path | None, option: str = "--report") -> None:
     check_writable(path)
 
 
-def step_times(fresh: DdMhe, split: Recorded, took: float) -> StepTimes:
+def step_times(fresh: Chosen, split: Recorded, took: float) -> StepTimes:
     """Times of the run, which took so many seconds, and of its first steps made one by one by an
     estimator as it was before."""
     single = []
     for k in range(min(len(split.Y), SINGLE)):
         begin = time.perf_counter()
-        fresh.step(split.Y[k], None if split.U is None else split.U[k])
+        fresh.step(split.Y, split.U, k)
         single.append(time.perf_counter() - begin)
     return StepTimes(took / max(len(split.Y), 1), np.array(single))
 

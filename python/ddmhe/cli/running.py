@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ddmhe._core import DdMhe, Log
+from ddmhe._core import Log
 from ddmhe.cli.answer import Answer
-
-Array = NDArray[np.float64]
 
 __all__ = ["run"]
 
@@ -21,25 +19,25 @@ PIECE = 0.2
 """Seconds that a piece is to take."""
 
 
-def run(answer: Answer, est: DdMhe, Y: Array, U: Array | None) -> Log:
-    """The estimates of outputs Y (N, p) and inputs U (N, m); after an interrupt those made by then,
-    and a KeyboardInterrupt where there is none."""
+def run(answer: Answer, estimates: Callable[[slice], Log], count: int) -> Log:
+    """The estimates of so many samples, which are made one piece after the other; after an
+    interrupt those made by then, and a KeyboardInterrupt where there is none."""
     logs: list[Log] = []
     with answer.working("estimating") as advance:
         done, rows = 0, FIRST
-        while done < len(Y) or not logs:
-            advance(done, len(Y))
+        while done < count or not logs:
+            advance(done, count)
             piece = slice(done, done + rows)
             begin = time.perf_counter()
             try:
-                logs.append(est.run(Y[piece], None if U is None else U[piece]))
+                logs.append(estimates(piece))
             except KeyboardInterrupt as e:
                 logs.append(e.finished)  # type: ignore[attr-defined]
                 break
             done += len(logs[-1].x)
             rows = max(int(rows * PIECE / max(time.perf_counter() - begin, 1e-6)), 1)
     log = logs[0] if len(logs) == 1 else _joined(logs)
-    if len(Y) > 0 and len(log.x) == 0:
+    if count > 0 and len(log.x) == 0:
         raise KeyboardInterrupt
     return log
 

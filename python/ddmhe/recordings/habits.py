@@ -93,8 +93,9 @@ def _header(lines: Lines, sep: str, asked: Sequence[str]) -> int | None:
     """The last line above the samples that has all columns asked for as cells."""
     wanted, found = set(asked), None
     for k, row in enumerate(lines.rows[:FIRST]):
-        cells = _cells(lines.comments.get(k, row), sep)
-        quoted = [cell for cell in cells if "," in cell and len(cells) > 1]
+        line = lines.comments.get(k, row)
+        cells = _cells(line, sep)
+        quoted = [cell for cell in cells if "," in cell and '"' in line and len(cells) > 1]
         parts = [part.strip() for cell in quoted for part in cell.split(",")]
         if wanted <= {*cells, *parts}:
             found = k
