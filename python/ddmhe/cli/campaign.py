@@ -13,6 +13,7 @@ import click
 from ddmhe.checks import file_words
 from ddmhe.cli.answer import Answer, answers
 from ddmhe.cli.interrupts import STOPPED
+from ddmhe.cli.page import check_page, report_option
 from ddmhe.cli.watching import length, watching
 
 if TYPE_CHECKING:
@@ -129,3 +130,73 @@ def _tell(answer: Answer, campaign: Campaign) -> None:
         outcomes={str(name): int(count) for name, count in outcomes.items()},
         folder=str(campaign.folder),
     )  # fmt: skip
+
+
+@command.command("report")
+@click.argument("folder", type=click.Path(path_type=Path))
+@click.option(
+    "--against",
+    type=click.Path(path_type=Path),
+    metavar="DIR",
+    help="Another campaign: exit code 1 where this one is worse.",
+)
+@click.option(
+    "--out",
+    type=click.Path(path_type=Path),
+    metavar="FILE.html",
+    help="Where the page goes.  [default: report.html in the folder]",
+)
+@answers
+def _report(answer: Answer, folder: Path, against: Path | None, out: Path | None) -> None:
+    """Write a page on the campaign of a FOLDER: distributions, errors over time, consistency, the
+    worst cases with what runs them again, failures."""
+    from ddmhe.campaign import open as open_campaign
+    from ddmhe.campaign.page import write_campaign
+
+    campaign = open_campaign(folder)
+    found = None if against is None else campaign.compare(open_campaign(against))
+    path = folder / "report.html" if out is None else out
+    check_page(path, "--out")
+    with answer.working("writing"):
+        write_campaign(campaign, path, found)
+    answer.wrote([path])
+    worse = [one for one in found or [] if one.reasons]
+    for one in worse:
+        answer.say(f"worse: {one.estimator} on {one.system}: {'; '.join(one.reasons)}")
+    if found is not None:
+        answer.facts(worse=[
+            {"system": one.system, "estimator": one.estimator, "reasons": one.reasons}
+            for one in worse
+        ])  # fmt: skip
+    if worse:
+        answer.end()
+        click.get_current_context().exit(1)
+
+
+@command.command("replay")
+@click.argument("folder", type=click.Path(path_type=Path))
+@click.argument("case", type=click.IntRange(min=0))
+@report_option
+@answers
+def _replay(answer: Answer, folder: Path, case: int, page: Path | None) -> None:
+    """Run one CASE of the campaign of a FOLDER again, and compare it with its row."""
+    from ddmhe.campaign import open as open_campaign
+    from ddmhe.campaign.replay import replay
+
+    check_page(page)
+    found = replay(open_campaign(folder), case, page)
+    row = found.row
+    answer.say(f"case {case}: {row['estimator']} on {row['system']}, noise {row['noise']}, fault "
+               f"{row['fault']}, seed {row['seed']}: {row['outcome']} {row['error']}")  # fmt: skip
+    for name in ("rmse_all", "nees_all", "within_3sd", "trusted", "status", "settings"):
+        if row.get(name) is not None:
+            answer.say(f"{name}: {row[name]}")
+    if found.differs is None:
+        answer.say("the campaign has no row of it yet")
+    elif found.differs:
+        answer.warn(f"case {case}: the campaign has another {', '.join(found.differs)}")
+    else:
+        answer.say("the same as its row, bit for bit")
+    if page is not None and found.log is not None:
+        answer.wrote([page])
+    answer.facts(row=row, differs=found.differs)
