@@ -30,6 +30,7 @@ html_theme_options = {
     "show_prev_next": True,
     "header_links_before_dropdown": 6,
 }
+html_context = {"default_mode": "auto"}
 intersphinx_mapping: dict[str, tuple[str, None]] = {}  # the site is built without a network
 autodoc_typehints = "none"  # the docstrings give shapes and units
 autodoc_member_order = "bysource"
@@ -44,6 +45,7 @@ sphinx_gallery_conf = {
     "within_subsection_order": "FileNameSortKey",
     "remove_config_comments": True,
     "show_memory": False,
+    "write_computation_times": False,
 }
 
 
