@@ -58,6 +58,9 @@ lint: rust-components packages ## formatting, clippy, rustdoc, ruff, mypy
 	cargo fmt --all --check
 	cargo fmt --manifest-path tests/no_std/Cargo.toml --check
 	cargo clippy --workspace --all-targets --locked -- -D warnings
+	for features in "" clarabel rayon serde clarabel,rayon clarabel,serde rayon,serde; do \
+		cargo clippy -p ddmhe-core --no-default-features --features "$$features" --quiet \
+			--locked -- -D warnings || exit 1; done
 	RUSTDOCFLAGS="-D warnings" cargo doc --no-deps --workspace --exclude ddmhe-py --locked
 	$(PY) -m ruff check
 	$(PY) -m ruff format --check

@@ -2,6 +2,8 @@
 
 import importlib.metadata
 import re
+import shutil
+from pathlib import Path
 
 project = "ddmhe"
 author = "The ddmhe developers"
@@ -71,8 +73,16 @@ def escaped(app, context, lines):
     without_substitutions(app, None, None, None, None, lines)
 
 
+def with_reports(app, exception):
+    """The pages of runs, which are whole as they are."""
+    if exception is None:
+        own = Path(app.outdir) / "reports"
+        shutil.copytree(Path(__file__).parent / "reports", own, dirs_exist_ok=True)
+
+
 def setup(app):
     """Called by Sphinx."""
+    app.connect("build-finished", with_reports)
     app.connect("autodoc-process-docstring", with_heading, priority=300)
     app.connect("autodoc-process-docstring", without_substitutions)
     app.connect("sphinx-click-process-description", escaped)

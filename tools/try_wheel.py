@@ -40,7 +40,8 @@ def main() -> None:
     options = parser.parse_args()
     wheel = options.wheel.resolve()
     names = zipfile.ZipFile(wheel).namelist()
-    for part in (".dist-info/sboms/", ".dist-info/licenses/LICENSE", "ddmhe/py.typed"):
+    licences = (".dist-info/licenses/LICENSE", "/report/web/uplot/LICENSE")
+    for part in (".dist-info/sboms/", *licences, "ddmhe/py.typed"):
         if not any(part in name for name in names):
             raise SystemExit(f"{wheel.name}: expected {part} in it")
     with tempfile.TemporaryDirectory() as folder:

@@ -41,14 +41,17 @@ class ModelViolationError(DdmheError): ...
 class History:
     def __new__(
         cls,
-        x: ArrayLike,
-        y: ArrayLike,
-        dt: float = 1.0,
+        x: Any,
+        y: ArrayLike | None = None,
+        dt: float | None = 1.0,
         u: ArrayLike | None = None,
         *,
         x_units: str | Sequence[str | None] | None = None,
         y_units: str | Sequence[str | None] | None = None,
         u_units: str | Sequence[str | None] | None = None,
+        state: Sequence[str] | None = None,
+        output: Sequence[str] | None = None,
+        input: Sequence[str] | None = None,
     ) -> History: ...
     @staticmethod
     def concat(histories: Iterable[History]) -> History: ...

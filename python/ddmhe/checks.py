@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import difflib
 import math
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from numbers import Integral, Real
 from typing import Any, TypeVar
 
@@ -18,6 +19,7 @@ T = TypeVar("T")
 
 __all__ = [
     "array",
+    "channels",
     "check_finite",
     "check_flag",
     "check_history",
@@ -26,6 +28,7 @@ __all__ = [
     "check_path",
     "check_whole",
     "choice",
+    "did_you_mean",
     "file_words",
     "listed",
     "one_line",
@@ -64,6 +67,14 @@ def array(name: str, value: ArrayLike, shape: tuple[int, ...], *, missing: bool 
 def _words(shape: tuple[int, ...]) -> str:
     lengths = ", ".join("any" if s < 0 else str(s) for s in shape)
     return f"({lengths},)" if len(shape) == 1 else f"({lengths})"
+
+
+def channels(value: ArrayLike, count: int) -> ArrayLike:
+    """Samples of one channel (N,) as a column (N, 1); anything else as it is."""
+    if count != 1 or value is None:
+        return value
+    found = value if hasattr(value, "ndim") else np.asarray(value, dtype=object)
+    return np.reshape(found, (-1, 1)) if found.ndim == 1 else value
 
 
 def check_finite(name: str, M: Array) -> None:
@@ -146,6 +157,16 @@ def shown(value: Any) -> str:
     except Exception:  # a whole number of more than 4300 digits, or whatever a class may do
         return f"a {type(value).__name__} that cannot be printed"
     return text if len(text) <= LONGEST else f"{text[:LONGEST]}… (a {type(value).__name__})"
+
+
+def did_you_mean(name: str, known: Iterable[str]) -> str:
+    """The known name that was most likely meant, as the end of a message: but for capitals the
+    same, the same before a unit in brackets, or the closest."""
+    names = list(known)
+    folded = [one for one in names if one.casefold() == name.casefold()]
+    bare = [one for one in names if one.split("[")[0].split("(")[0].strip() == name]
+    near = (folded or bare or difflib.get_close_matches(name, names, n=1))[:1]
+    return f"; did you mean {shown(near[0])}?" if near else ""
 
 
 def word(text: str) -> str:

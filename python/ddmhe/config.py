@@ -33,7 +33,6 @@ from __future__ import annotations
 import inspect
 import sys
 from collections.abc import Iterable, Mapping
-from difflib import get_close_matches
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -41,7 +40,15 @@ import numpy as np
 import tomli_w
 
 from ddmhe._core import DdmheError, Exact, Ridge, Truncated, check_settings, setting_names
-from ddmhe.checks import check_kind, check_number, check_path, file_words, reason, shown
+from ddmhe.checks import (
+    check_kind,
+    check_number,
+    check_path,
+    did_you_mean,
+    file_words,
+    reason,
+    shown,
+)
 from ddmhe.files import write_text
 
 if TYPE_CHECKING:
@@ -101,7 +108,7 @@ def read_config(path: str | Path) -> dict[str, Any]:
         if key not in known:
             raise ConfigError(
                 f"{named}: expected one of the keys {', '.join(known)}, "
-                f"found {shown(key)}{_nearest(key, known)}"
+                f"found {shown(key)}{did_you_mean(key, known)}"
             )
     try:
         return {key: setting(key, value) for key, value in table.items()}
@@ -124,11 +131,6 @@ def read_table(path: str | Path) -> dict[str, Any]:
         raise ConfigError(
             f"{named}: expected a TOML file, found an error in it ({reason(e)})"
         ) from e
-
-
-def _nearest(name: str, known: Iterable[str]) -> str:
-    near = get_close_matches(name, list(known), 1)
-    return f"; did you mean {near[0]!r}?" if near else ""
 
 
 def setting(key: str, value: Any) -> Any:
@@ -188,7 +190,7 @@ def _certificate(table: Any) -> Certificate:
         if name not in CERTIFICATE:
             raise ConfigError(
                 f"certificate: expected one of {', '.join(sorted(CERTIFICATE))}, "
-                f"found {shown(name)}{_nearest(name, CERTIFICATE)}"
+                f"found {shown(name)}{did_you_mean(name, CERTIFICATE)}"
             )
     missing = [name for name in ("eta", "P", "Q", "R") if name not in table]
     if missing:

@@ -7,25 +7,28 @@ They need the log alone. Without `ax` they draw into the current axes of pyplot.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ddmhe._core import DdmheError, Log, ShapeError
 from ddmhe.checks import array, shown
+from ddmhe.frames import told
 from ddmhe.reasons import Reason
+from ddmhe.steps import StepLog
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 Array = NDArray[np.float64]
+Run: TypeAlias = Log | StepLog
 
 __all__ = ["errors", "evidence", "innovations", "states"]
 
 
 def states(
-    log: Log,
+    log: Run,
     ax: Axes | None = None,
     *,
     truth: ArrayLike | None = None,
@@ -55,7 +58,7 @@ def states(
     from ddmhe.report.style import BAND, ESTIMATE, TRUTH, legend_above
 
     axes, called = _axes(log, ax), _names(log, names)
-    t, std = log.t, log.std
+    t, std = log.t, told(log, "std")
     known = None if truth is None else array("truth", truth, log.x.shape)
     for i, name in enumerate(called):
         color = color_of(i)
@@ -75,7 +78,7 @@ def states(
 
 
 def errors(
-    log: Log,
+    log: Run,
     truth: ArrayLike,
     ax: Axes | None = None,
     *,
@@ -96,7 +99,7 @@ def errors(
 
     axes, called = _axes(log, ax), _names(log, names)
     error = np.abs(log.x - array("truth", truth, log.x.shape))
-    std = log.std
+    std = told(log, "std")
     for i, name in enumerate(called):
         visible = np.where(error[:, i] > 0, error[:, i], np.nan)
         axes.plot(log.t, visible, color=color_of(i), label=name, **ESTIMATE)
@@ -108,7 +111,7 @@ def errors(
     return axes
 
 
-def innovations(log: Log, ax: Axes | None = None, *, names: Sequence[str] | None = None) -> Axes:
+def innovations(log: Run, ax: Axes | None = None, *, names: Sequence[str] | None = None) -> Axes:
     """Measured less predicted outputs in standard deviations over time; beyond three is one in some
     hundred, where the motion is like the recording. names (p).
 
@@ -137,7 +140,7 @@ def innovations(log: Log, ax: Axes | None = None, *, names: Sequence[str] | None
     return axes
 
 
-def evidence(log: Log, ax: Axes | None = None) -> Axes:
+def evidence(log: Run, ax: Axes | None = None) -> Axes:
     """How unlike the recording the motion is over time, and the limit above which it is new.
 
     Examples
@@ -158,7 +161,7 @@ def evidence(log: Log, ax: Axes | None = None) -> Axes:
 
 
 def _axes(log: Any, ax: Axes | None) -> Axes:
-    if not isinstance(log, Log):
+    if not isinstance(log, Log | StepLog):
         raise DdmheError(f"log: expected a Log, as run gives it, found {shown(log)}")
     if ax is not None:
         return ax
@@ -167,7 +170,7 @@ def _axes(log: Any, ax: Axes | None) -> Axes:
     return pyplot.gca()
 
 
-def _names(log: Log, names: Sequence[str] | None) -> list[str]:
+def _names(log: Run, names: Sequence[str] | None) -> list[str]:
     n = log.x.shape[1]
     called = [f"x{i}" for i in range(n)] if names is None else list(names)
     if len(called) != n:
@@ -175,22 +178,24 @@ def _names(log: Log, names: Sequence[str] | None) -> list[str]:
     return called
 
 
-def _evidence(log: Log) -> Any:
-    if log.evidence is None:
+def _evidence(log: Run) -> Any:
+    evidence = told(log, "evidence")
+    if evidence is None:
         raise DdmheError("log: expected one with evidence, found one without (evidence=False)")
-    return log.evidence
+    return evidence
 
 
-def _shade_doubts(axes: Axes, log: Log) -> None:
+def _shade_doubts(axes: Axes, log: Run) -> None:
     """Where estimates are in doubt, by reason."""
     from ddmhe.report.style import DOUBTS
 
-    if log.reasons is None or not len(log):
+    reasons = told(log, "reasons")
+    if reasons is None or not len(log):
         return
     t = log.t
     step = t[1] - t[0] if len(t) > 1 else 0.0
     for reason, color in DOUBTS.items():
-        there = np.concatenate([[0], (log.reasons & reason != 0).astype(int), [0]])
+        there = np.concatenate([[0], (reasons & reason != 0).astype(int), [0]])
         begin, end = (np.flatnonzero(np.diff(there) == sign) for sign in (1, -1))
         spans = [(t[a] - step, t[b - 1] - t[a] + step) for a, b in zip(begin, end, strict=True)]
         if spans:

@@ -92,7 +92,7 @@ def test_a_call_that_python_would_refuse_is_refused():
     for call, words in (
         (lambda: ddmhe.DdMhe(H, 4, horizon=5), "DdMhe: expected one horizon, found two"),
         (lambda: ddmhe.DdMhe(H, *[None] * known), "DdMhe: expected at most 12 settings without"),
-        (lambda: ddmhe.DdMhe(H, horizn=5), 'found "horizn"; did you mean "horizon"?'),
+        (lambda: ddmhe.DdMhe(H, horizn=5), "found \"horizn\"; did you mean 'horizon'?"),
     ):
         with pytest.raises(TypeError) as e:
             call()
@@ -116,7 +116,7 @@ def test_a_misspelt_attribute_of_a_certificate_is_refused():
     c = ioss(A=0.5 * np.eye(2), C=np.ones((1, 2)), eta=0.9)
     parts = {name: getattr(c, name) for name in ("P", "Q", "R", "eta")}
     check_settings({"certificate": SimpleNamespace(**parts, growth=2.0)}, H)
-    with pytest.raises(ddmhe.DdmheError, match='"growht"; did you mean "growth"'):
+    with pytest.raises(ddmhe.DdmheError, match="\"growht\"; did you mean 'growth'"):
         check_settings({"certificate": SimpleNamespace(**parts, growht=2.0)}, H)
     with pytest.raises(ddmhe.DdmheError, match="expected a number for eta, found 'high'"):
         check_settings({"certificate": SimpleNamespace(**parts | {"eta": "high"})}, H)

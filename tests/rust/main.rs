@@ -16,4 +16,5 @@ mod rigid;
 mod snapshots;
 mod space;
 mod systems;
+mod texts;
 mod validation;

@@ -19,12 +19,14 @@ use crate::check::{check_finite, check_vector};
 use crate::error::Error;
 use crate::tol;
 use faer::{Mat, Side};
+#[cfg(feature = "serde")]
 use serde::{Deserialize, Serialize};
 
 /// P, Q, R and η that satisfy (L) for a system, all in the user's units. Matrices are row-major.
 ///
 /// Whether they do is for the designer to verify: the estimator does not know (A, C).
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serde", derive(Serialize, Deserialize), serde(deny_unknown_fields))]
 pub struct Certificate {
     /// Symmetric positive definite (n·n), cost per unit of x².
     pub P: Vec<f64>,
@@ -43,7 +45,8 @@ pub struct Certificate {
 }
 
 /// x(t+1) = A x + B u + e, y = C x + D u + r, and how far the true system may be from it.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serde", derive(Serialize, Deserialize), serde(deny_unknown_fields))]
 pub struct Model {
     /// (n·n)
     pub A: Vec<f64>,
@@ -66,7 +69,8 @@ pub struct Model {
 }
 
 /// The distance between the model and the true system, see [`Model::uncertainty`].
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serde", derive(Serialize, Deserialize), serde(deny_unknown_fields))]
 pub struct Uncertainty {
     /// Symmetric positive semidefinite ((n+m+1)·(n+m+1)).
     pub metric: Vec<f64>,
@@ -77,7 +81,8 @@ pub struct Uncertainty {
 }
 
 /// What a user knows of the true trajectory: Euclidean norms, in the user's units.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(Serialize, Deserialize), serde(deny_unknown_fields))]
 pub struct Disturbance {
     /// ‖x̄(0) - x(0)‖, and with a warm start of every recorded state.
     pub initial: f64,

@@ -86,7 +86,10 @@ pub(crate) fn challenge(
     }
     // R_x = s_x² and R_y = s_y² ρ^-(age-1) with λ = μ = 2ρ^M
     let mu = 2.0 * rule.rho.powi(horizon as i32);
-    Some((scales, Defaults { horizon, mu, ratio: 1.0, challengers: None, ..*rule }))
+    Some((
+        scales,
+        Defaults { horizon, mu, ratio: 1.0, challengers: None, challenged: true, ..*rule },
+    ))
 }
 
 /// Mean log of the error in units of the spread.

@@ -4,10 +4,12 @@ use crate::certificate::{Certificate, Disturbance};
 use crate::soft::Soft;
 use crate::space::Space;
 use crate::variation::Rest;
+#[cfg(feature = "serde")]
 use serde::{Deserialize, Serialize};
 
 /// A box lo ≤ · ≤ hi; infinite entries are no bounds.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serde", derive(Serialize, Deserialize), serde(deny_unknown_fields))]
 pub struct Bounds {
     /// Lower bounds, one per channel.
     pub lo: Vec<f64>,
@@ -16,7 +18,8 @@ pub struct Bounds {
 }
 
 /// What the box on the states is relative to.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[cfg_attr(feature = "serde", derive(Serialize, Deserialize), serde(rename_all = "snake_case"))]
 pub enum Center {
     /// Nothing: the bounds are absolute.
     #[default]
@@ -27,7 +30,8 @@ pub enum Center {
 }
 
 /// What the cost (17) is measured in.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[cfg_attr(feature = "serde", derive(Serialize, Deserialize), serde(rename_all = "snake_case"))]
 pub enum Weighting {
     /// [`Paper`](Weighting::Paper) beside an explicit ρ or μ or a certificate, else
     /// [`Scaled`](Weighting::Scaled).
@@ -45,7 +49,8 @@ pub enum Weighting {
 }
 
 /// The disturbance ŵ(k) that is fitted between x(k) and x(k+1) (Remark 1), by its covariance.
-#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Default)]
+#[cfg_attr(feature = "serde", derive(Serialize, Deserialize), serde(rename_all = "snake_case"))]
 pub enum ProcessNoise {
     /// [`Recorded`](ProcessNoise::Recorded) beside the weights of the recording, else
     /// [`None`](ProcessNoise::None).
@@ -63,7 +68,8 @@ pub enum ProcessNoise {
 }
 
 /// Where a run starts.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[cfg_attr(feature = "serde", derive(Serialize, Deserialize), serde(rename_all = "snake_case"))]
 pub enum Start {
     /// [`Recording`](Start::Recording) as long as the first M windows are like those of a run that
     /// goes on from the recording's end; else [`Unknown`](Start::Unknown), from the run's first
@@ -103,7 +109,8 @@ impl std::fmt::Display for Start {
 }
 
 /// From how many deviations on an output is rejected: see [`ddmhe_run::gating`].
-#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[cfg_attr(feature = "serde", derive(Serialize, Deserialize), serde(rename_all = "snake_case"))]
 pub enum Gate {
     /// None is.
     #[default]
@@ -120,7 +127,8 @@ impl Gate {
 }
 
 /// What becomes of an output that repeats one value longer than it ever did in the recording.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[cfg_attr(feature = "serde", derive(Serialize, Deserialize), serde(rename_all = "snake_case"))]
 pub enum Stuck {
     /// It is told.
     #[default]
@@ -130,13 +138,15 @@ pub enum Stuck {
 }
 
 /// A known rest of the system, in the user's units.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serde", derive(Serialize, Deserialize), serde(deny_unknown_fields))]
 pub struct Equilibrium {
     /// State x_e (n).
     pub x: Vec<f64>,
     /// Output y_e (p).
     pub y: Vec<f64>,
     /// Inputs u_e (m) that hold it there; empty for a system without inputs.
+    #[cfg_attr(feature = "serde", serde(default))]
     pub u: Vec<f64>,
 }
 
@@ -154,7 +164,8 @@ impl From<Rest<'_>> for Equilibrium {
 
 /// Settings of the estimator; every `None` is set by the documented rule of
 /// [`defaults`](crate::defaults).
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serde", derive(Serialize, Deserialize), serde(default, deny_unknown_fields))]
 pub struct Config {
     /// Horizon M ≥ 1.
     pub horizon: Option<usize>,
@@ -278,6 +289,7 @@ impl Config {
 
 /// The settings in force after the defaults are filled in.
 #[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serde", derive(Serialize))]
 pub struct Settings {
     /// Horizon M.
     pub horizon: usize,

@@ -87,6 +87,15 @@ pub(crate) struct Defaults {
     pub challengers: Option<(usize, usize)>,
     /// Whether the recording itself carries noise: decides if a known equilibrium helps.
     pub noisy: bool,
+    /// The misfit f.
+    pub misfit: f64,
+    /// The horizon of a recording that is long enough, between those of a complete state and of one
+    /// that is all hidden.
+    pub wanted: usize,
+    pub complete: usize,
+    pub hidden: usize,
+    /// Whether the recording chose, see [`challenge`](crate::challenge).
+    pub challenged: bool,
 }
 
 impl Defaults {
@@ -112,17 +121,22 @@ impl Defaults {
         };
         let hidden = longest(enough.max(1)).min(LONGEST) as f64;
         let complete = HORIZON.0 as f64;
-        let horizon = (complete + misfit * (hidden - complete)).round().max(1.0) as usize;
+        let wanted = (complete + misfit * (hidden - complete)).round().max(1.0) as usize;
         let most = longest(2 * history.n() + 1);
         let long = (hidden as usize).min(most);
         let short = HORIZON.0.min((history.T() / 10).max(5)).min(long);
         Defaults {
-            horizon: horizon.min(most),
+            horizon: wanted.min(most),
             rho: RHO,
             mu: MU,
             ratio: if misfit < EXACT { 0.0 } else { (WEIGHT * misfit).max(FLOOR) },
             challengers: (misfit > HIDDEN).then_some((short, long)),
             noisy,
+            misfit,
+            wanted,
+            complete: HORIZON.0,
+            hidden: hidden as usize,
+            challenged: false,
         }
     }
 

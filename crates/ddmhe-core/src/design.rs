@@ -28,6 +28,7 @@ use crate::start::{Opening, opening_weights};
 use crate::variation::Rest;
 use crate::watch::Watch;
 use crate::weights::Weights;
+use crate::why::{stated_weights, why};
 use ddmhe_run::layout::Layout;
 use ddmhe_run::plan::Sizes;
 use std::sync::{Arc, OnceLock};
@@ -65,7 +66,7 @@ impl Design {
         Design::by(history, config, needs, prepared(history, config)?)
     }
 
-    /// With these scales and this rule for what the configuration leaves open.
+    /// With these scales and this rule.
     fn by(
         history: &History,
         config: &Config,
@@ -88,11 +89,11 @@ impl Design {
             };
         }
         let horizon = rule.horizon_for(config)?;
-        let driving = driving(history, &scaling, config, horizon)?;
-        Design::with(history, config, needs, (scaling, rule), (driving, "as stated".into()))
+        let stated = (driving(history, &scaling, config, horizon)?, stated_weights(config).into());
+        Design::with(history, config, needs, (scaling, rule), stated)
     }
 
-    /// With this disturbance; and why the weights are what they are.
+    /// With this disturbance, and why.
     fn with(
         history: &History,
         config: &Config,
@@ -358,7 +359,7 @@ impl Source<'_> {
         needs: Needs,
         rule: &Defaults,
         deepest: Deepest,
-        why: String,
+        weighed: String,
     ) -> Result<Design, Error> {
         let Source { history, config, .. } = self;
         let Deepest { space, draft, selection, radius } = deepest;
@@ -379,7 +380,8 @@ impl Source<'_> {
             true => Some(self.opening(spaces.iter().chain([&space]), &mut drafts)?),
             false => None,
         };
-        let settings = Settings { why: vec![("weights", why)], ..self.settings(&space) };
+        let mut settings = self.settings(&space);
+        settings.why = why(config, rule, (&settings, self.weights.mu()), selection, weighed);
         let evidence =
             self.evidence(&selection, horizon, (&mut drafts, count), opening.as_ref())?;
         let (gate, unused) = gate(config, evidence.as_ref())?;

@@ -1,15 +1,18 @@
 //! Since when estimates are in doubt, and why, in words.
 
+#[cfg(feature = "serde")]
 use crate::error::Error;
 use crate::estimate::Evidence;
 use crate::history::History;
 use crate::watch::since;
 use ddmhe_run::Reasons;
 use ddmhe_run::evidence::OfPlan;
+#[cfg(feature = "serde")]
 use serde::{Deserialize, Serialize};
 
 /// The step at which each doubt arose first.
-#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Default, PartialEq)]
+#[cfg_attr(feature = "serde", derive(Serialize, Deserialize))]
 pub(crate) struct Doubts {
     novel: Option<usize>,
     uncertain: Vec<Option<usize>>, // by state
@@ -24,7 +27,8 @@ pub(crate) struct Doubts {
 }
 
 /// When something happened first, and how often.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+#[cfg_attr(feature = "serde", derive(Serialize, Deserialize))]
 struct Times {
     first: usize,
     count: usize,
@@ -152,6 +156,7 @@ impl Doubts {
     }
 
     /// Whether saved ones belong to this recording.
+    #[cfg(feature = "serde")]
     pub fn check(&self, history: &History) -> Result<(), Error> {
         let own = Doubts::new(history);
         let sizes = |d: &Doubts| (d.uncertain.len(), d.stuck.len(), d.outside.len(), d.gated.len());

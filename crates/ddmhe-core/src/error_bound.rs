@@ -107,11 +107,13 @@ impl ErrorBound {
     }
 
     /// The bounds in memory, for a snapshot.
+    #[cfg(feature = "serde")]
     pub fn errors(&self) -> &[f64] {
         &self.errors
     }
 
     /// Continues from saved bounds.
+    #[cfg(feature = "serde")]
     pub fn resume(&mut self, errors: &[f64]) {
         self.errors.clear();
         self.errors.extend_from_slice(errors);

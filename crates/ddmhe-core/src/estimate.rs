@@ -3,11 +3,13 @@
 use ddmhe_run::alone::Row;
 use ddmhe_run::evidence::Rule;
 use ddmhe_run::{Reasons, Status};
+#[cfg(feature = "serde")]
 use serde::{Deserialize, Serialize};
 
 /// The estimate of one step and the evidence behind it. All arrays are time-major, in the user's
 /// units.
-#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Default)]
+#[cfg_attr(feature = "serde", derive(Serialize, Deserialize))]
 pub struct Estimate {
     /// x̂(t) (n), from outputs up to y(t-1).
     pub x: Vec<f64>,
@@ -24,7 +26,7 @@ pub struct Estimate {
     /// Bound on ‖x̂(t) - x(t)‖, if a certificate and the disturbance's size were given.
     pub bound: Option<f64>,
     /// What the optimisation found.
-    #[serde(with = "status")]
+    #[cfg_attr(feature = "serde", serde(with = "status"))]
     pub status: Status,
     /// Number of bounds that the window touches, or leaves where they are soft.
     pub active: usize,
@@ -36,12 +38,13 @@ pub struct Estimate {
 }
 
 /// How far to trust one estimate, in the user's units: see [`ddmhe_run::evidence`].
-#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Default)]
+#[cfg_attr(feature = "serde", derive(Serialize, Deserialize))]
 pub struct Evidence {
     /// Σ(t), covariance of the error of x̂(t) (n·n, by rows).
     pub covariance: Vec<f64>,
     /// Why the estimate is not trusted; empty: it is.
-    #[serde(with = "reasons")]
+    #[cfg_attr(feature = "serde", serde(with = "reasons"))]
     pub reasons: Reasons,
     /// What `value` is.
     pub kind: EvidenceKind,
@@ -62,7 +65,8 @@ pub struct Evidence {
 }
 
 /// What speaks for a window being like the recording.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[cfg_attr(feature = "serde", derive(Serialize, Deserialize))]
 pub enum EvidenceKind {
     /// V, the minimum of its problem, in units of what it is in windows held out of the recording.
     #[default]
@@ -235,6 +239,7 @@ impl Log {
 }
 
 /// [`Reasons`] as their bits.
+#[cfg(feature = "serde")]
 mod reasons {
     use super::Reasons;
     use serde::{Deserialize, Deserializer, Serializer};
@@ -249,6 +254,7 @@ mod reasons {
 }
 
 /// [`Status`](ddmhe_run::Status) as its code.
+#[cfg(feature = "serde")]
 mod status {
     use ddmhe_run::Status;
     use serde::de::Error;

@@ -6,10 +6,12 @@ use crate::history::History;
 use crate::tol;
 use crate::watch::still_states;
 use faer::Mat;
+#[cfg(feature = "serde")]
 use serde::{Deserialize, Serialize};
 
 /// The outcome of the rank condition (7).
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serde", derive(Serialize, Deserialize))]
 pub struct RankReport {
     /// Numerical rank of [H_1(x[0..T-L]); 1ᵀ]: singular values above `tolerance`.
     pub rank: usize,

@@ -3,6 +3,7 @@
 use crate::config::Start;
 use crate::history::History;
 use crate::scaling::Scaling;
+#[cfg(feature = "serde")]
 use serde::{Deserialize, Serialize};
 
 /// Outputs that are in the window before the first step: those at the end of the last recording, if
@@ -14,7 +15,8 @@ pub(crate) fn filled(history: &History, start: Start, horizon: usize) -> usize {
 }
 
 /// The samples in the window of a run, as scaled deviations.
-#[derive(Debug, Clone, Serialize, Deserialize)]
+#[derive(Debug, Clone)]
+#[cfg_attr(feature = "serde", derive(Serialize, Deserialize))]
 pub(crate) struct Samples {
     /// ((filled+1)·n)
     pub states: Vec<f64>,

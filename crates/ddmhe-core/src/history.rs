@@ -3,10 +3,12 @@
 pub(crate) use crate::check::check_finite;
 use crate::error::Error;
 use crate::hankel::BlockHankel;
+#[cfg(feature = "serde")]
 use serde::{Deserialize, Serialize};
 
 /// One uninterrupted recording x[0..=T], y[0..T), u[0..T), all time-major.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serde", derive(Serialize, Deserialize))]
 pub(crate) struct Recording {
     pub x: Vec<f64>, // (T+1)·n
     pub y: Vec<f64>, // T·p
@@ -20,7 +22,8 @@ pub(crate) struct Recording {
 /// channels, [`History::with_inputs`]) were applied at the instants of the outputs: u(k) acts on
 /// x(k+1), and y(k) may depend on it. Several recordings may be joined with [`History::concat`]; no
 /// window ever crosses a seam.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serde", derive(Serialize, Deserialize), serde(try_from = "Unchecked"))]
 pub struct History {
     n: usize,
     p: usize,
@@ -30,6 +33,37 @@ pub struct History {
     x_units: Vec<String>, // one a channel, "" where unknown
     y_units: Vec<String>,
     u_units: Vec<String>,
+}
+
+/// A [`History`] as it comes from elsewhere.
+#[cfg(feature = "serde")]
+#[derive(Deserialize)]
+#[serde(rename = "History", deny_unknown_fields)]
+struct Unchecked {
+    n: usize,
+    p: usize,
+    m: usize,
+    dt: f64,
+    recordings: Vec<Recording>,
+    x_units: Vec<String>,
+    y_units: Vec<String>,
+    u_units: Vec<String>,
+}
+
+#[cfg(feature = "serde")]
+impl TryFrom<Unchecked> for History {
+    type Error = Error;
+
+    fn try_from(given: Unchecked) -> Result<Self, Error> {
+        let Unchecked { n, p, m, dt, recordings, x_units, y_units, u_units } = given;
+        let part = |r: &Recording| {
+            let free = History::new(n, p, &r.x, &r.y, dt)?;
+            if m > 0 { free.with_inputs(m, &r.u) } else { Ok(free) }
+        };
+        let parts: Vec<History> = recordings.iter().map(part).collect::<Result<_, Error>>()?;
+        let joined = History::concat(&parts)?.with_units(&x_units, &y_units)?;
+        if m > 0 { joined.with_input_units(&u_units) } else { Ok(joined) }
+    }
 }
 
 impl History {
@@ -184,20 +218,6 @@ impl History {
             joined.recordings.extend_from_slice(&h.recordings);
         }
         Ok(joined)
-    }
-
-    /// The same history, checked again: for one that came from outside this process.
-    pub(crate) fn revalidated(&self) -> Result<Self, Error> {
-        let parts: Result<Vec<History>, Error> = self
-            .recordings
-            .iter()
-            .map(|r| {
-                let free = History::new(self.n, self.p, &r.x, &r.y, self.dt)?;
-                if self.m > 0 { free.with_inputs(self.m, &r.u) } else { Ok(free) }
-            })
-            .collect();
-        let joined = History::concat(&parts?)?.with_units(&self.x_units, &self.y_units)?;
-        if self.m > 0 { joined.with_input_units(&self.u_units) } else { Ok(joined) }
     }
 
     /// The same with the inputs of the sample before, where each counts a sample `late`r, or of the

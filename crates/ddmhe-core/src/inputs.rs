@@ -11,6 +11,7 @@ use crate::variation::{Steps, centred, one_step};
 use crate::watch::since;
 use faer::Mat;
 use faer::linalg::solvers::SolveLstsq;
+#[cfg(feature = "serde")]
 use serde::{Deserialize, Serialize};
 
 /// Least share of an input's variance that the states must not explain.
@@ -31,7 +32,8 @@ pub(crate) struct InputWatch {
 }
 
 /// Since which step each input does what it never did in the recording.
-#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Default, PartialEq)]
+#[cfg_attr(feature = "serde", derive(Serialize, Deserialize))]
 pub(crate) struct SeenInputs {
     moved: Vec<Option<usize>>,
     left: Vec<Option<usize>>,
@@ -58,6 +60,7 @@ impl InputWatch {
     }
 
     /// Whether saved notes may be those of a run.
+    #[cfg(feature = "serde")]
     pub fn allows(&self, seen: &SeenInputs) -> bool {
         let m = self.still.len();
         seen.moved.len() == m && seen.left.len() == m

@@ -1,7 +1,9 @@
 //! Long work that can be stopped, and the cores it is spread over.
 
 use crate::error::Error;
+#[cfg(feature = "rayon")]
 use rayon::iter::{ParallelBridge, ParallelIterator};
+#[cfg(feature = "rayon")]
 use rayon::{ThreadBuilder, ThreadPoolBuilder};
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::mpsc::{RecvTimeoutError, channel};
@@ -72,29 +74,11 @@ pub(crate) fn on_all_cores<T: Send, R: Send>(
     };
     std::thread::scope(|scope| {
         let (send, receive) = channel();
-        let all = || {
-            // taken in their order, so that what is finished when `stop` comes are the first
-            let numbered = items.into_iter().enumerate().par_bridge();
-            let mut found: Vec<(usize, Option<R>)> =
-                numbered.map(|(k, item)| (k, one(item))).collect();
-            found.sort_unstable_by_key(|(k, _)| *k);
-            found.into_iter().map(|(_, found)| found).collect()
-        };
-        scope.spawn(move || {
-            let found =
-                ThreadPoolBuilder::new().build_scoped(ThreadBuilder::run, |pool| pool.install(all));
-            drop(send.send(found)); // the receiver waits for it
-        });
+        scope.spawn(move || drop(send.send(all(items, &one)))); // the receiver waits for it
         loop {
             match receive.recv_timeout(PAUSE) {
                 Ok(Ok(found)) => return Ok(found),
-                Ok(Err(e)) => {
-                    return Err(Error::value(
-                        "RAYON_NUM_THREADS",
-                        "as many threads as the system gives",
-                        e,
-                    ));
-                }
+                Ok(Err(e)) => return Err(e),
                 Err(RecvTimeoutError::Timeout) => {
                     if stop(done.load(Ordering::Relaxed)) {
                         stopped.store(true, Ordering::Relaxed);
@@ -104,4 +88,28 @@ pub(crate) fn on_all_cores<T: Send, R: Send>(
             }
         }
     })
+}
+
+/// `one` of every item on all cores, in the items' order.
+#[cfg(feature = "rayon")]
+fn all<T: Send, R: Send>(
+    items: Vec<T>,
+    one: &(impl Fn(T) -> Option<R> + Sync),
+) -> Result<Vec<Option<R>>, Error> {
+    let work = || {
+        // taken in their order, so that what is finished when `stop` comes are the first
+        let numbered = items.into_iter().enumerate().par_bridge();
+        let mut found: Vec<(usize, Option<R>)> = numbered.map(|(k, item)| (k, one(item))).collect();
+        found.sort_unstable_by_key(|(k, _)| *k);
+        found.into_iter().map(|(_, found)| found).collect()
+    };
+    ThreadPoolBuilder::new()
+        .build_scoped(ThreadBuilder::run, |pool| pool.install(work))
+        .map_err(|e| Error::value("RAYON_NUM_THREADS", "as many threads as the system gives", e))
+}
+
+/// `one` of every item, one after the other.
+#[cfg(not(feature = "rayon"))]
+fn all<T, R>(items: Vec<T>, one: &impl Fn(T) -> Option<R>) -> Result<Vec<Option<R>>, Error> {
+    Ok(items.into_iter().map(one).collect())
 }

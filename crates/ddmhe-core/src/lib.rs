@@ -61,6 +61,21 @@
 //! [`Data::prior`]: ddmhe_run::problem::Data::prior
 //! [`Scratch`]: ddmhe_run::problem::Scratch
 //!
+//! # Features
+//! All are on by default. What is lost without each:
+//!
+//! - `clarabel`: the last opinion where the active-set method is not certain: of windows whose
+//!   bounds almost contradict each other, some are then [`Status::Failed`] for which Clarabel finds
+//!   the point, or the proof that there is none. [`Zonotope`] has no `contains`.
+//! - `rayon`: cores. [`run_many`], [`run_copies`], [`run_recordings`] and [`validation`] do one
+//!   after the other, with the same numbers.
+//! - `serde`: `Serialize` and `Deserialize` of [`Config`], [`History`], [`Estimate`] and their
+//!   parts; the module `snapshot`, all objects as bytes. Plans ([`DdMhe::plan`]) stay.
+//!
+//! A [`Config`] that is read has the defaults for what is left out, and an error for a name that it
+//! does not know; a [`History`] is checked like one that is made. Estimates hold NaN where nothing
+//! was measured, which JSON has not.
+//!
 //! # Example
 //! ```
 //! use ddmhe_core::{Config, DdMhe, History};
@@ -126,8 +141,10 @@ mod riccati;
 pub mod rigid;
 mod row;
 mod run;
+#[cfg(feature = "serde")]
 mod saved;
 mod scaling;
+#[cfg(feature = "serde")]
 pub mod snapshot;
 mod soft;
 pub mod space;
@@ -139,6 +156,7 @@ mod variation;
 mod watch;
 mod way_out;
 mod weights;
+mod why;
 
 use ddmhe_interval::{check, error};
 

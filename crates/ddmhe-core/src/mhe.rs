@@ -13,6 +13,7 @@ use crate::interrupt::Interrupt;
 use crate::magnitude::check_reach;
 use crate::needs::Needs;
 use crate::run::Run;
+#[cfg(feature = "serde")]
 use crate::saved::Saved;
 use crate::tol;
 use std::ops::Range;
@@ -310,11 +311,13 @@ impl DdMhe {
     }
 
     /// What [`resume`](Self::resume) continues from.
+    #[cfg(feature = "serde")]
     pub(crate) fn saved(&self) -> Saved {
         self.run.saved()
     }
 
     /// Continues a saved run.
+    #[cfg(feature = "serde")]
     pub(crate) fn resume(&mut self, saved: Saved) -> Result<(), Error> {
         self.prepare(saved.start)?;
         self.run.resume(&self.design, saved)

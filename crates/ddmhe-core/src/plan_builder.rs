@@ -16,7 +16,9 @@ use crate::space::TrajectorySpace;
 use crate::surplus::Surplus;
 use crate::tol;
 use crate::weights::Weights;
-use ddmhe_run::active_set::{ActiveBound, RowsMut};
+#[cfg(feature = "serde")]
+use ddmhe_run::active_set::ActiveBound;
+use ddmhe_run::active_set::RowsMut;
 use ddmhe_run::evidence::ModelSpans;
 use ddmhe_run::layout::Layout;
 use ddmhe_run::panels::write_panels;
@@ -142,6 +144,7 @@ impl Prepared {
     }
 
     /// Whether these can be active bounds of this problem.
+    #[cfg(feature = "serde")]
     pub fn allows(&self, sides: &[ActiveBound]) -> bool {
         let rows = self.layout().apart();
         let known = |side: &ActiveBound| side.row < rows && (side.sign == 1.0 || side.sign == -1.0);

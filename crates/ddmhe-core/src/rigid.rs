@@ -11,6 +11,7 @@ mod mhe;
 mod online;
 mod recording;
 mod report;
+#[cfg(feature = "serde")]
 mod saved;
 
 pub use config::{Refits, RigidConfig};

@@ -3,12 +3,14 @@
 use crate::error::Error;
 use crate::tol;
 use ddmhe_run::Prices;
+#[cfg(feature = "serde")]
 use serde::{Deserialize, Serialize};
 
 /// What leaving a bound costs; a bound without a price is hard. A row that is left by e of its
 /// channel's recorded deviations adds price · (e + e²) to the cost in scaled units: see
 /// [`ddmhe_run::prices`].
-#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[cfg_attr(feature = "serde", derive(Serialize, Deserialize), serde(default, deny_unknown_fields))]
 pub struct Soft {
     /// Price of `x_bounds`, and of those of a step.
     pub x: Option<f64>,

@@ -49,12 +49,14 @@ use faer::diag::Diag;
 use faer::dyn_stack::{MemBuffer, MemStack, StackReq};
 use faer::linalg::svd::{ComputeSvdVectors, svd, svd_scratch};
 use faer::{Mat, MatRef, Par, Spec};
+#[cfg(feature = "serde")]
 use serde::{Deserialize, Serialize};
 use std::cell::{OnceCell, RefCell};
 use std::rc::Rc;
 
 /// Which windows count as trajectories of the system.
-#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[cfg_attr(feature = "serde", derive(Serialize, Deserialize), serde(rename_all = "snake_case"))]
 pub enum Space {
     /// The documented default rule: see [`defaults`](crate::defaults).
     #[default]

@@ -12,9 +12,11 @@
 //! quarter of a turn, and the jump, unwrapped, is a step like those beside it. A square wave of
 //! about a turn has no steps beside it.
 
+#[cfg(feature = "serde")]
 use crate::error::Error;
 use crate::history::History;
 use crate::tol;
+#[cfg(feature = "serde")]
 use serde::{Deserialize, Serialize};
 use std::f64::consts::{PI, TAU};
 
@@ -40,7 +42,8 @@ pub(crate) struct Watch {
 
 /// What was seen online: the step at which each output first did what it never did in the
 /// recording.
-#[derive(Debug, Clone, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, Default)]
+#[cfg_attr(feature = "serde", derive(Serialize, Deserialize))]
 pub(crate) struct Seen {
     last: Vec<f64>,
     moved: Vec<Option<usize>>,  // by entry of `Watch::still`
@@ -149,6 +152,7 @@ impl Watch {
     }
 
     /// Whether saved notes belong to this recording.
+    #[cfg(feature = "serde")]
     pub fn check(&self, seen: &Seen) -> Result<(), Error> {
         let start = self.start();
         let sizes = |s: &Seen| (s.last.len(), s.moved.len(), s.turned.len());

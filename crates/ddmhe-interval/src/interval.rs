@@ -8,13 +8,15 @@
 //! time, so it does not serve ordinary targets.)
 
 use crate::tol;
+#[cfg(feature = "serde")]
 use serde::{Deserialize, Serialize};
 use std::f64::consts::PI;
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
 /// A closed interval \[lo, hi\], lo ≤ hi; an end may be infinite, never NaN. Never empty: what can
 /// be is an `Option`.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(Serialize, Deserialize))]
 pub struct Interval {
     /// Lower end.
     pub lo: f64,

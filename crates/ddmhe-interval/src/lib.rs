@@ -67,10 +67,12 @@
 //! # Ok::<(), ddmhe_interval::Error>(())
 //! ```
 
+#[cfg(feature = "serde")]
 pub mod blob;
 pub mod check;
 pub mod error;
 pub mod interval;
+#[cfg(feature = "clarabel")]
 mod membership;
 pub mod observer;
 pub mod programme;

@@ -46,6 +46,7 @@ pub use options::{Method, Options};
 pub use shipped::{Euler, Linear, Pendulum, Uncertain};
 pub use system::{Gain, System};
 
+#[cfg(feature = "serde")]
 use crate::blob::{Kind, from_bytes, to_bytes};
 use crate::check::check_vector;
 use crate::error::Error;
@@ -139,6 +140,7 @@ impl<D: Dynamics> IntervalObserver<D> {
     }
 
     /// Where it stands, for [`resume`](Self::resume).
+    #[cfg(feature = "serde")]
     pub fn present(&self) -> Vec<u8> {
         to_bytes(Kind::Observer, &self.present)
     }
@@ -147,6 +149,7 @@ impl<D: Dynamics> IntervalObserver<D> {
     ///
     /// # Errors
     /// As [`from_bytes`], and for the sets of another observer.
+    #[cfg(feature = "serde")]
     pub fn resume(&mut self, blob: &[u8]) -> Result<(), Error> {
         let present: Present = from_bytes(Kind::Observer, blob)?;
         if !present.fits(self.n(), self.p()) {

@@ -1,7 +1,9 @@
 //! Small dense linear and quadratic programmes, the only file of the workspace that names Clarabel.
 //! Its answers are proposals: who asks for them checks what they prove.
 
+#[cfg(feature = "clarabel")]
 use clarabel::algebra::CscMatrix;
+#[cfg(feature = "clarabel")]
 use clarabel::solver::{
     DefaultSettings, DefaultSolver, IPSolver, NonnegativeConeT, SupportedConeT, ZeroConeT,
 };
@@ -33,7 +35,14 @@ pub struct Proposal {
 }
 
 impl Programme {
+    /// None: the feature `clarabel` is off.
+    #[cfg(not(feature = "clarabel"))]
+    pub fn propose(self, _tolerance: f64) -> Option<Proposal> {
+        None
+    }
+
     /// The solver's answer for these gap and feasibility tolerances; None if it rejects the data.
+    #[cfg(feature = "clarabel")]
     pub fn propose(self, tolerance: f64) -> Option<Proposal> {
         let (rows, width) = (self.b.len(), self.cost.len());
         let cost = match self.quadratic {
@@ -55,6 +64,7 @@ impl Programme {
     }
 }
 
+#[cfg(feature = "clarabel")]
 fn settings(tolerance: f64) -> DefaultSettings<f64> {
     DefaultSettings {
         verbose: false,

@@ -9,6 +9,7 @@
 use crate::check::{check_finite, check_vector};
 use crate::error::Error;
 use crate::interval::Interval;
+#[cfg(feature = "clarabel")]
 use crate::membership::holds;
 use crate::reduce::{Reduction, reduce};
 use crate::rounding::{add_up, diagonal, dot, map, row_sums, sum, widen};
@@ -207,10 +208,11 @@ impl Zonotope {
 
     /// Is x in the set? Two cheap tests first (outside of the hull; least-norm ξ inside the unit
     /// box), then the linear programme min ‖ξ‖∞ subject to M ξ = x - p. Points within 1e-9 of the
-    /// boundary, relative to the set, count as in.
+    /// boundary, relative to the set, count as in. With the feature `clarabel` only.
     ///
     /// # Errors
     /// Shape or value of x.
+    #[cfg(feature = "clarabel")]
     pub fn contains(&self, x: &[f64]) -> Result<bool, Error> {
         check_vector("x", x, self.n())?;
         // every row in a unit, a power of two, in which its numbers are below one: sums cannot

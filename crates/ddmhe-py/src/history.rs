@@ -20,6 +20,10 @@ use pyo3::types::{PyBytes, PyType};
 ///     Sampling interval in seconds. Kept for reports: the method itself needs no unit of time.
 /// u : array (T, m), optional
 ///     Known inputs at the instants of y: u[k] acts on x[k+1], and y[k] may depend on it.
+/// state, output, input : list of str, optional
+///     Names of columns: x is then a frame (pandas, polars, pyarrow, a mapping) that holds states,
+///     outputs and inputs, read as recordings.read does: its clock is found unless dt is stated,
+///     lost rows are filled. Of its last row the state counts.
 /// x_units, y_units, u_units : str or list of str, optional
 ///     Units of the states, of the outputs and of the inputs: one for all, or one a channel.
 ///     States, or outputs, of one unit share a scale in the default rule; a channel whose unit is
@@ -74,18 +78,40 @@ type Signals<'py> = (Bound<'py, PyArray2<f64>>, Bound<'py, PyArray2<f64>>);
 impl History {
     #[new]
     #[pyo3(
-        signature = (x, y, dt=None, u=None, *, x_units=None, y_units=None, u_units=None),
-        text_signature = "(x, y, dt=1.0, u=None, *, x_units=None, y_units=None, u_units=None)"
+        signature = (x, y=None, dt=None, u=None, *, x_units=None, y_units=None, u_units=None,
+            state=None, output=None, input=None),
+        text_signature = "(x, y=None, dt=1.0, u=None, *, x_units=None, y_units=None, \
+            u_units=None, state=None, output=None, input=None)"
     )]
+    #[allow(clippy::too_many_arguments)] // as many as users see
     fn new(
         x: &Bound<'_, PyAny>,
-        y: &Bound<'_, PyAny>,
+        y: Option<&Bound<'_, PyAny>>,
         dt: Option<&Bound<'_, PyAny>>,
         u: Option<&Bound<'_, PyAny>>,
         x_units: Option<&Bound<'_, PyAny>>,
         y_units: Option<&Bound<'_, PyAny>>,
         u_units: Option<&Bound<'_, PyAny>>,
+        state: Option<&Bound<'_, PyAny>>,
+        output: Option<&Bound<'_, PyAny>>,
+        input: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Self> {
+        let framed = || x.py().import("ddmhe.recordings.framed");
+        if state.or(output).or(input).is_some() {
+            let stated = (x_units, y_units, u_units);
+            let arguments = (x, (y, u, dt), (state, output, input), stated);
+            let found = framed()?.call_method1("recording", arguments)?;
+            return Ok(History { core: History::cast("x", &found)?.core.clone() });
+        }
+        let Some(y) = y else {
+            return Err(DdmheError::new_err(
+                "y: expected outputs (T, p), or state= and output=, the names of columns of a \
+                 frame, found none",
+            ));
+        };
+        if [Some(x), Some(y), u].into_iter().flatten().any(is_frame) {
+            framed()?.call_method1("check_frames", (x, y, u))?;
+        }
         let dt = dt.map_or(Ok(1.0), |dt| number("dt", dt))?;
         let (x, states, n) = Numbers::from("x", x)?.into_channels("x", "(T+1, n)")?;
         let (y, outputs, p) = Numbers::from("y", y)?.into_channels("y", "(T, p)")?;
@@ -283,6 +309,11 @@ impl History {
 }
 
 /// Names of units: None for unknown ones, one string for all channels, or one (or None) a channel.
+/// Whether it may have labels of its own, as what pandas and polars make.
+fn is_frame(value: &Bound<'_, PyAny>) -> bool {
+    value.hasattr("to_numpy").unwrap_or(false)
+}
+
 fn units(argument: &str, value: Option<&Bound<'_, PyAny>>) -> PyResult<Vec<String>> {
     let Some(value) = value else { return Ok(vec![String::new()]) };
     if let Ok(one) = value.extract::<String>() {

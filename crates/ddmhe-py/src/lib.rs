@@ -1,5 +1,6 @@
 //! Python bindings of `ddmhe-core`: arrays in and out, errors to exceptions, no mathematics.
 
+mod bounds;
 mod certificate;
 mod convert;
 mod estimate;
@@ -11,6 +12,7 @@ mod in_force;
 mod interval;
 mod log;
 mod many;
+mod measured;
 mod mhe;
 mod pickle;
 mod rigid;

@@ -1,13 +1,13 @@
 //! `ddmhe.RigidBodyMhe`.
 
-use crate::convert::{
-    DdmheError, Numbers, ShapeError, array1, array2, bounds, raise, text, writable,
-};
+use crate::bounds::bounds;
+use crate::convert::{DdmheError, Numbers, ShapeError, array1, array2, raise, text, writable};
 use crate::estimate::Estimate;
 use crate::exclusive::Exclusive;
 use crate::frames::Clock;
 use crate::history::History;
 use crate::log::Log;
+use crate::measured::outputs;
 use crate::mhe::DdMhe;
 use crate::pickle::{Made, bytes, made};
 use crate::signals::Signals;
@@ -186,13 +186,10 @@ impl RigidBodyMhe {
         X: Option<&Bound<'_, PyAny>>,
         out: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Log> {
-        let (data, rows, columns) = Numbers::measured("Y", Y)?.into_matrix("Y", "(N, p)")?;
         let mut core = self.core()?;
         let core = &mut *core;
         let p = core.p();
-        if columns != p {
-            return Err(ShapeError::new_err(format!("Y: expected {p} columns, found {columns}")));
-        }
+        let (data, rows) = outputs("Y", Y, p)?;
         let rates = X.map(|X| Numbers::measured("X", X)?.into_matrix("X", "(N, 3)")).transpose()?;
         if let Some((_, n, width)) = &rates
             && (*n, *width) != (rows, 3)

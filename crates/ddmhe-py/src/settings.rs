@@ -4,10 +4,9 @@
 //! setting is a field of [`Config`], one row of [`TABLE`], and its name in `DdMhe`'s two signatures
 //! (mhe.rs, `_core.pyi`); a test holds the three together.
 
+use crate::bounds::{pair, pairs, side, tuple};
 use crate::certificate;
-use crate::convert::{
-    DdmheError, Numbers, ShapeError, flag, number, pair, pairs, raise, side, text, tuple, whole,
-};
+use crate::convert::{DdmheError, Numbers, ShapeError, flag, number, raise, text, whole};
 use crate::history::{Channels, History};
 use crate::spaces;
 use crate::words::{nearest, quoted, shown};

@@ -2,7 +2,7 @@
 
 use crate::convert::{Numbers, raise};
 use crate::history::History;
-use crate::mhe::inputs;
+use crate::measured::inputs;
 use crate::settings;
 use crate::signals::Signals;
 use ddmhe_core::Config;

@@ -57,7 +57,5 @@ fn one_line(text: &str) -> String {
 
 /// The known name that was most likely meant, as the end of a message.
 pub fn nearest(py: Python<'_>, name: &str, known: &[&str]) -> PyResult<String> {
-    let matches = py.import("difflib")?.call_method1("get_close_matches", (name, known, 1))?;
-    let matches: Vec<String> = matches.extract()?;
-    Ok(matches.first().map_or(String::new(), |near| format!("; did you mean {near:?}?")))
+    py.import("ddmhe.checks")?.call_method1("did_you_mean", (name, known))?.extract()
 }

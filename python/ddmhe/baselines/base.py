@@ -10,7 +10,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from ddmhe._core import History, NotFiniteError, numbers
 from ddmhe.baselines.known_inputs import inputs_now, inputs_of_run
-from ddmhe.checks import array, check_finite, check_history
+from ddmhe.checks import array, channels, check_finite, check_history
+from ddmhe.steps import StepLog
 
 Array = NDArray[np.float64]
 
@@ -25,12 +26,9 @@ class Estimate:
     """State (n,)."""
 
 
-@dataclass(frozen=True, eq=False)
-class Log:
+@dataclass(frozen=True, eq=False, repr=False)
+class Log(StepLog):
     """The estimates of many steps."""
-
-    x: Array
-    """States (N, n)."""
 
 
 class Baseline:
@@ -42,6 +40,10 @@ class Baseline:
     One whose estimate has left all bounds has diverged: its estimate is NaN from then on, until the
     next reset."""
 
+    dt = 1.0
+    """Sampling interval, s; 1 where none is known."""
+    t = 0
+    """Number of outputs taken in since the start."""
     _diverged = False
 
     def __init__(self, n: int, p: int, x_prior: ArrayLike, m: int = 0) -> None:
@@ -52,31 +54,36 @@ class Baseline:
     def step(self, y_t: ArrayLike, u: ArrayLike | None = None) -> Estimate:
         """Consume y(t-1) (p,), NaN where not measured, and u(t-1) (m,); x̂(t)."""
         y = _outputs("y_t", np.atleast_1d(numbers("y_t", y_t, missing=True)), (self.p,))
-        return self._estimate(y, inputs_now(u, self.m))
+        estimate = self._estimate(y, inputs_now(u, self.m))
+        self.t += 1
+        return estimate
 
     def run(self, Y: ArrayLike, U: ArrayLike | None = None) -> Log:
         """Consume outputs (N, p) and inputs (N, m), one step each. A KeyboardInterrupt has the Log
         so far as `finished`."""
         estimates: list[Estimate] = []
+        before = self.t
         try:
-            outputs = _outputs("Y", Y, (-1, self.p))
+            outputs = _outputs("Y", channels(Y, self.p), (-1, self.p))
             for y, u in zip(outputs, inputs_of_run(U, len(outputs), self.m), strict=True):
                 estimates.append(self._estimate(y, u))
+                self.t += 1
         except KeyboardInterrupt as e:
-            e.finished = self._log(estimates)  # type: ignore[attr-defined]
+            e.finished = self._log(estimates, before)  # type: ignore[attr-defined]
             raise
-        return self._log(estimates)
+        return self._log(estimates, before)
 
     def reset(self, x_prior: ArrayLike | None = None) -> None:
         """Start again from x_prior (n,), or from the last recorded state."""
-        self._diverged = False
+        self._diverged, self.t = False, 0
         self._start(self._default_prior if x_prior is None else self._checked_prior(x_prior))
 
     def _estimate(self, y: Array, u: Array) -> Estimate:
         return Estimate(self._next(y, u))
 
-    def _log(self, estimates: list[Any]) -> Log:
-        return Log(np.reshape([e.x for e in estimates], (-1, self.n)))
+    def _log(self, estimates: list[Any], before: int) -> Log:
+        x = np.reshape([e.x for e in estimates], (-1, self.n))
+        return Log(x, before=before, dt=self.dt)
 
     def _next(self, y: Array, u: Array) -> Array:
         if not self._diverged:

@@ -93,6 +93,7 @@ class ErrorStateKalman(Baseline):
         """Check, identify and start."""
         last = recordings(history)[-1][0][-1]
         super().__init__(history.n, history.p, last if x_prior is None else x_prior, history.m)
+        self.dt = history.dt
         check_flag("affine", affine)
         for name, value in (("Q", Q), ("R", R)):
             if value is not None:
@@ -156,6 +157,7 @@ class ArxKalman(Baseline):
         """Check, identify and start."""
         parts = [np.hstack([x[:-1], y]) for x, y in recordings(history)]
         super().__init__(history.n, history.p, history.recordings[-1][0][-1], history.m)
+        self.dt = history.dt
         known = history.inputs
         m, total = history.n + history.p, sum(len(z) for z in parts)
         if order is not None:
@@ -274,6 +276,7 @@ class Oracle(Baseline):
             check_number(name, size, "a finite number of at least 0", lambda value: value >= 0)
         self._kind = choice("kind", kind, ("ekf", "ukf"))
         super().__init__(len(x), len(model.output(x)), x)
+        self.dt = float(dt)
         self._model, self._dt = model, dt
         size = float(np.linalg.norm(x)) or 1.0
         self._P_0 = max(prior, ORACLE_STATE * size) ** 2 * np.eye(self.n)

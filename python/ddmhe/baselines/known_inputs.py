@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ddmhe._core import NotFiniteError, ShapeError, numbers
+from ddmhe.checks import channels
 
 Array = NDArray[np.float64]
 
@@ -40,7 +41,7 @@ def inputs_of_run(U: ArrayLike | None, samples: int, m: int) -> Array:
                 f"U: expected {samples} samples of {m} inputs, as many as of Y, found none"
             )
         return np.empty((samples, 0))
-    found = numbers("U", U)
+    found = numbers("U", channels(U, m))
     if found.ndim != 2:
         raise ShapeError(f"U: expected a 2-D array (N, m), found {_described(found)}")
     if found.shape != (samples, m):

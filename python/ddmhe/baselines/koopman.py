@@ -92,6 +92,7 @@ class KoopmanMhe(Baseline):
         parts = recordings(history)
         x_last = parts[-1][0][-1]
         super().__init__(history.n, history.p, x_last if x_prior is None else x_prior, history.m)
+        self.dt = history.dt
         check_whole("horizon", horizon, 1, MOST, f"at least 1 and at most {MOST} outputs")
         check_number("rho, mu", rho, "rho in (0, 1) and a positive mu", lambda value: 0 < value < 1)
         check_number("rho, mu", mu, "rho in (0, 1) and a positive mu", lambda value: value > 0)

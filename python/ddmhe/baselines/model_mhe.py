@@ -51,7 +51,7 @@ class ModelEstimate(Estimate):
     """Number of bounds that hold the window."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class ModelLog(Log):
     """The estimates of many steps."""
 
@@ -150,6 +150,7 @@ class ModelMhe(Baseline):
                 )
             x_prior = recordings(model)[-1][0][-1]
         super().__init__(n, p, x_prior, self.model.B.shape[1])
+        self.dt = float(getattr(model, "dt", 1.0))
         self.horizon = HORIZON if horizon is None else horizon
         check_whole("horizon", self.horizon, 1, MOST)
         self.horizon = int(self.horizon)
@@ -352,12 +353,14 @@ class ModelMhe(Baseline):
         assert isinstance(log, ModelLog)
         return log
 
-    def _log(self, estimates: list[Any]) -> ModelLog:
+    def _log(self, estimates: list[Any], before: int) -> ModelLog:
         return ModelLog(
             x=np.reshape([e.x for e in estimates], (-1, self.n)),
             cost=np.array([e.cost for e in estimates], dtype=np.float64),
             status=np.array([e.status for e in estimates], dtype=str),
             active=np.array([e.active for e in estimates], dtype=np.int64),
+            before=before,
+            dt=self.dt,
         )
 
     def snapshot(self) -> bytes:
@@ -367,6 +370,7 @@ class ModelMhe(Baseline):
         holds |= {f"prior_{i}": x for i, (x, _) in enumerate(self._priors)}
         holds |= {f"covariance_{i}": P for i, (_, P) in enumerate(self._priors)}
         holds |= {"default_prior": self._default_prior, "priors": len(self._priors)}
+        holds |= {"dt": self.dt, "t": self.t}
         if self.weights == "paper":
             holds |= {"rho": self.rho, "mu": self.mu}
         holds |= {"outputs": np.reshape(self._outputs, (len(self._outputs), self.p))}
@@ -413,6 +417,7 @@ class ModelMhe(Baseline):
         found._priors = [(held[f"prior_{i}"], held.get(f"covariance_{i}")) for i in count]
         found._outputs, found._inputs = list(held["outputs"]), list(held["inputs"])
         found._diverged = bool(held["_diverged"])
+        found.dt, found.t = float(held.get("dt", 1.0)), int(held.get("t", 0))
         return found
 
 

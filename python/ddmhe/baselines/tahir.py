@@ -18,6 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ddmhe._core import DdmheError, InfeasibleError, ModelViolationError
 from ddmhe.baselines.tol import LEAST_MU, LEAST_RATIO, NONZERO, ROUNDING
+from ddmhe.checks import channels
 from ddmhe.design.solver import solve
 from ddmhe.interval.observer_design import design_observer
 from ddmhe.interval.systems import System, matrix, radius_of
@@ -144,7 +145,7 @@ class TahirIntervalObserver:
 
     def run(self, Y: ArrayLike) -> IntervalStep:
         """Consume Y (N, p): bounds (N, n)."""
-        steps = [self.step(y) for y in matrix("Y", Y, (-1, self.system.p))]
+        steps = [self.step(y) for y in matrix("Y", channels(Y, self.system.p), (-1, self.system.p))]
         shape = (len(steps), self.system.n)
         return IntervalStep(
             np.array([s.lower for s in steps]).reshape(shape),

@@ -132,9 +132,8 @@ class Findings:
             f"Take the default, ddmhe estimate without settings: windows of {s.horizon} outputs "
             f"({s.horizon * dt:.3g} s); {kinds[s.weights]}."
         )
-        for sentence in s.why.values():
-            if sentence != "as stated":
-                yield f"Why: {sentence}."
+        if s.why["weights"] != "as stated":
+            yield f"Why: {s.why['weights']}."
         if s.weights == "recorded":
             yield (
                 "The recording is one of a linear system that noise drives, so that "

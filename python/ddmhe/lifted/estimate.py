@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from ddmhe._core import Estimate
 from ddmhe.reasons import Reason
+from ddmhe.steps import StepLog
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -81,12 +82,10 @@ class LiftedEvidenceLog:
     """(N,)."""
 
 
-@dataclass(frozen=True, eq=False)
-class LiftedLog:
+@dataclass(frozen=True, eq=False, repr=False)
+class LiftedLog(StepLog):
     """The estimates of many steps."""
 
-    x: Array
-    """States (N, n)."""
     covariance: Array
     """(N, n, n)."""
     std: Array
@@ -99,13 +98,13 @@ class LiftedLog:
     """Numbers of `Reason` (N,)."""
     evidence: LiftedEvidenceLog
 
-    def __len__(self) -> int:
-        """Number of steps."""
-        return len(self.x)
 
-
-def log_of(estimates: list[LiftedEstimate], n: int, p: int) -> LiftedLog:
-    """The estimates of a run, one after the other."""
+def log_of(
+    estimates: list[LiftedEstimate], sizes: tuple[int, int], clock: tuple[int, float]
+) -> LiftedLog:
+    """The estimates of a run of n states and p outputs, one after the other; clock: the steps
+    before, and the sampling interval."""
+    n, p = sizes
     covariance = np.reshape([e.covariance for e in estimates], (-1, n, n))
     found = [e.evidence for e in estimates]
 
@@ -133,4 +132,6 @@ def log_of(estimates: list[LiftedEstimate], n: int, p: int) -> LiftedLog:
         trusted=np.array([e.trusted for e in estimates], dtype=bool),
         reasons=np.array([int(e.reasons) for e in estimates], dtype=np.uint8),
         evidence=evidence,
+        before=clock[0],
+        dt=clock[1],
     )

@@ -23,7 +23,7 @@ from ddmhe._core import (
     check_settings,
     noise_levels,
 )
-from ddmhe.checks import array, check_history, shown
+from ddmhe.checks import array, channels, check_history, shown
 from ddmhe.lifted.choice import Choice, Fold, choose, parts_of
 from ddmhe.lifted.estimate import LiftedEstimate, LiftedEvidence, LiftedLog, log_of
 from ddmhe.lifted.filter import Innovation, LiftedFilter
@@ -91,6 +91,7 @@ class LiftedMhe:
         self.n, self.p, self.m = history.n, history.p, history.m
         settings = _settings(fallback, output_noise, x_bounds)
         self._affine = DdMhe(history, **settings)  # checks them
+        self._dt = history.dt
         noise = (
             None if output_noise is None else np.broadcast_to(output_noise, self.p).astype(float)
         )
@@ -150,18 +151,19 @@ class LiftedMhe:
     def run(self, Y: ArrayLike, U: ArrayLike | None = None) -> LiftedLog:
         """Consume outputs (N, p) and inputs (N, m), one step each. A KeyboardInterrupt has the log
         so far as `finished`."""
-        outputs = array("Y", Y, (-1, self.p), missing=True)
+        outputs = array("Y", channels(Y, self.p), (-1, self.p), missing=True)
         if np.isinf(outputs).any():
             raise NotFiniteError("Y: expected finite numbers or NaN, found infinity")
         inputs = self._inputs(U, len(outputs))
         estimates: list[LiftedEstimate] = []
+        sizes, clock = (self.n, self.p), (self.t, self._dt)
         try:
             for y, u in zip(outputs, inputs, strict=True):
                 estimates.append(self.step(y, u))
         except KeyboardInterrupt as e:
-            e.finished = log_of(estimates, self.n, self.p)  # type: ignore[attr-defined]
+            e.finished = log_of(estimates, sizes, clock)  # type: ignore[attr-defined]
             raise
-        return log_of(estimates, self.n, self.p)
+        return log_of(estimates, sizes, clock)
 
     def reset(self, x_prior: ArrayLike | None = None, start: str | None = None) -> None:
         """Start again: as constructed, from x_prior (n,), or as `DdMhe.reset` does for `start`."""
@@ -187,6 +189,7 @@ class LiftedMhe:
             "waits": self._waits,
             "open": self._open,
             "warnings": self._warnings,
+            "dt": self._dt,
         }
         filter = self._filter
         if filter is not None:
@@ -203,7 +206,7 @@ class LiftedMhe:
         found.n, found.p, found.m = found._affine.n, found._affine.p, found._affine.m
         found.degree, found.gain = int(state["degree"]), float(state["gain"])
         found._promise, found._widening = state["promise"], state["widening"]
-        found._box = state["box"]
+        found._box, found._dt = state["box"], float(state.get("dt", 1.0))
         found._rivals = Rivals(*state["rivals"])
         found._outside, found._left = int(state["outside"]), bool(state["left"])
         found._waits, found._open = bool(state["waits"]), bool(state["open"])
@@ -237,7 +240,7 @@ class LiftedMhe:
     def _inputs(self, U: ArrayLike | None, N: int) -> list[Array | None]:
         if U is None:
             return [None] * N  # what is missing is told by the first step
-        return list(array("U", U, (N, self.m)))
+        return list(array("U", channels(U, self.m), (N, self.m)))
 
     def _lifted(self, affine: Estimate, y: Array, u: Array) -> LiftedEstimate:
         """The lift's estimate, or the affine one until there is a start and once it has left."""

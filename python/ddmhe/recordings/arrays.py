@@ -14,10 +14,29 @@ from ddmhe.checks import reason, shown
 from ddmhe.recordings.errors import LogError
 from ddmhe.recordings.table import Cells, Table
 
-__all__ = ["array_table", "flattened", "frame_table", "mat_table", "npy_table", "npz_table"]
+__all__ = [
+    "array_table",
+    "flattened",
+    "frame_table",
+    "is_frame",
+    "mat_table",
+    "npy_table",
+    "npz_table",
+]
 
 DEEPEST = 8
 """Levels of groups that are looked into."""
+
+
+def is_frame(value: Any) -> bool:
+    """Whether it is of the kinds that `frame_table` takes."""
+    if isinstance(value, Mapping):
+        return True
+    if isinstance(value, np.ndarray):
+        return value.dtype.names is not None
+    kind = type(value).__module__.partition(".")[0]
+    parts = {"pandas": "columns", "polars": "get_columns", "pyarrow": "column_names"}
+    return kind in parts and hasattr(value, parts[kind])
 
 
 def frame_table(path: str, frame: Any, asked: Sequence[str]) -> Table:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -10,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ddmhe.checks import listed, shown
+from ddmhe.checks import did_you_mean, listed, shown
 from ddmhe.recordings.errors import LogError
 
 Cells = Sequence[str] | NDArray[Any]
@@ -122,11 +121,7 @@ class Table:
         return replace(self, columns=[cells(c) for c in self.columns], places=self.places[chosen])
 
     def _nearest(self, name: str) -> str:
-        close = difflib.get_close_matches(name, self.header, n=1)
-        folded = [known for known in self.header if known.casefold() == name.casefold()]
-        bare = [known for known in self.header if known.split("[")[0].split("(")[0].strip() == name]
-        near = (folded or bare or close)[:1]
-        hint = f"; did you mean {shown(near[0])}?" if near else ""
+        hint = did_you_mean(name, self.header)
         return f"{hint} (columns: {listed(self.header)})"
 
 

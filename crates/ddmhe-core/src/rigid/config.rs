@@ -6,6 +6,7 @@ use crate::config_checks::check_box;
 use crate::error::Error;
 use crate::history::History;
 use ddmhe_run::rigid::anchoring::OPTIMA;
+#[cfg(feature = "serde")]
 use serde::{Deserialize, Serialize};
 
 /// Most outputs.
@@ -14,7 +15,8 @@ pub(crate) const OUTPUTS: usize = 6;
 const SAMPLES: usize = 100;
 
 /// When the motion is fitted anew to recording and all outputs since.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[cfg_attr(feature = "serde", derive(Serialize, Deserialize), serde(rename_all = "snake_case"))]
 pub enum Refits {
     /// In the step that it is due in, whatever time that takes.
     #[default]
@@ -26,7 +28,8 @@ pub enum Refits {
 }
 
 /// Settings; what is None is read off the recording.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serde", derive(Serialize, Deserialize), serde(default, deny_unknown_fields))]
 pub struct RigidConfig {
     /// Standard deviation of the noise on recorded rates (rad/s): one, or three.
     pub x_noise: Option<Vec<f64>>,

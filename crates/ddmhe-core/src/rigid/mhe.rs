@@ -10,10 +10,13 @@ use crate::mhe::DdMhe;
 use crate::rigid::config::RigidConfig;
 use crate::rigid::online::{Online, blank, online};
 use crate::rigid::report::Report;
+#[cfg(feature = "serde")]
 use crate::rigid::saved::Saved;
+#[cfg(feature = "serde")]
 use crate::snapshot::{Kind, from_bytes, to_bytes};
 use ddmhe_run::Status;
 use ddmhe_run::rigid::Limits;
+#[cfg(feature = "serde")]
 use serde::{Deserialize, Serialize};
 
 /// Score above which the affine estimator takes over, if its own is less than half, for so many
@@ -35,7 +38,8 @@ pub struct RigidBodyMhe {
 }
 
 /// How the two compare, and how far the run has come.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(Serialize, Deserialize))]
 struct Judged {
     t: usize,
     /// Mean square of the affine estimator's innovations, a moving average.
@@ -61,6 +65,7 @@ impl Clone for RigidBodyMhe {
     }
 }
 
+#[cfg(feature = "serde")]
 #[derive(Serialize, Deserialize)]
 struct Snapshot {
     history: History,
@@ -249,6 +254,7 @@ impl RigidBodyMhe {
     }
 
     /// The estimator as bytes, for [`restore`](Self::restore).
+    #[cfg(feature = "serde")]
     pub fn snapshot(&self) -> Vec<u8> {
         let snapshot = Snapshot {
             history: self.history.clone(),
@@ -266,13 +272,13 @@ impl RigidBodyMhe {
     ///
     /// # Errors
     /// As [`from_bytes`], and for content that no estimator has.
+    #[cfg(feature = "serde")]
     pub fn restore(blob: &[u8]) -> Result<Self, Error> {
         let snapshot: Snapshot = from_bytes(Kind::RigidBody, blob)?;
-        let history = snapshot.history.revalidated()?;
         let fallback = DdMhe::restore(&snapshot.fallback)?;
-        let mut own = RigidBodyMhe::new(&history, snapshot.config, Some(fallback))?;
+        let mut own = RigidBodyMhe::new(&snapshot.history, snapshot.config, Some(fallback))?;
         own.rigid.resume(&snapshot.rigid)?;
-        if !snapshot.estimate.fits(3, history.p()) {
+        if !snapshot.estimate.fits(3, snapshot.history.p()) {
             return Err(Error::value("blob", "an estimate of three rates", "one of other sizes"));
         }
         (own.estimate, own.run) = (snapshot.estimate, snapshot.run);

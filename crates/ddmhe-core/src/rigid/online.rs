@@ -9,6 +9,7 @@ use crate::rigid::choice::Choice;
 use crate::rigid::config::{Refits, RigidConfig};
 use crate::rigid::recording::Recording;
 use crate::rigid::report::Report;
+#[cfg(feature = "serde")]
 use crate::rigid::saved::Saved;
 use ddmhe_run::rigid::anchoring::Optima;
 use ddmhe_run::rigid::filter::DISAGREE;
@@ -45,8 +46,10 @@ pub(crate) trait Online: Send + Sync {
     /// What is known of the body; None where no fit came to an end.
     fn report(&self) -> Option<Report>;
     /// What changes from step to step.
+    #[cfg(feature = "serde")]
     fn saved(&self) -> Saved;
     /// Continues a saved run.
+    #[cfg(feature = "serde")]
     fn resume(&mut self, saved: &Saved) -> Result<(), Error>;
     /// A run of its own from here.
     fn copy(&self) -> Box<dyn Online>;
@@ -312,10 +315,12 @@ impl<const P: usize, const N: usize> Online for Run<P, N> {
         }
     }
 
+    #[cfg(feature = "serde")]
     fn saved(&self) -> Saved {
         Saved::of(self.stepper.as_ref(), &self.later, &self.rates)
     }
 
+    #[cfg(feature = "serde")]
     fn resume(&mut self, saved: &Saved) -> Result<(), Error> {
         let new = self.ground.start();
         let room = self.ground.room();

@@ -9,11 +9,13 @@ use crate::observer::plant::{Output, Plant};
 use crate::observer::system::System;
 use crate::reduce::{Reduction, reduce};
 use crate::rounding::{diagonal, inflation, row_sums};
+#[cfg(feature = "serde")]
 use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
 
 /// ⟨x̂, M⟩, M by columns.
-#[derive(Debug, Clone, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, Default)]
+#[cfg_attr(feature = "serde", derive(Serialize, Deserialize))]
 pub(super) struct ErrorSet {
     pub center: Vec<f64>,
     pub generators: Vec<f64>,

@@ -2,10 +2,12 @@
 
 use crate::interval::Interval;
 use crate::zonotope::Zonotope;
+#[cfg(feature = "serde")]
 use serde::{Deserialize, Serialize};
 
 /// What one step leaves. Intervals (n).
-#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Default)]
+#[cfg_attr(feature = "serde", derive(Serialize, Deserialize))]
 pub struct IntervalEstimate {
     /// Bounds of x(k+1), before y(k+1) is known.
     pub predicted: Vec<Interval>,

@@ -12,10 +12,12 @@ use crate::rounding::{TINY, inflation};
 use crate::tol;
 use faer::linalg::solvers::DenseSolveCore;
 use faer::{Mat, Side};
+#[cfg(feature = "serde")]
 use serde::{Deserialize, Serialize};
 
 /// V ≤ V̄ after k samples.
-#[derive(Debug, Clone, Copy, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy)]
+#[cfg_attr(feature = "serde", derive(Serialize, Deserialize))]
 pub(super) struct LevelSet {
     pub distance: f64, // √V̄
     pub decay: f64,    // (1-λ)^k: what (44) as printed adds

@@ -6,6 +6,7 @@ use crate::interval::{Interval, points, weighted};
 use crate::observer::dynamics::Dynamics;
 use crate::observer::mean_value::MeanValue;
 use crate::observer::system::System;
+#[cfg(feature = "serde")]
 use serde::{Deserialize, Serialize};
 
 /// x(k+1) = A x + B u + f(x) + D1 w, y = C x + r + D2 v (13).
@@ -20,7 +21,8 @@ pub(super) struct Plant<D> {
 }
 
 /// One sample on its way: the box of x, B u, and what the output said about x.
-#[derive(Debug, Clone, Serialize, Deserialize)]
+#[derive(Debug, Clone)]
+#[cfg_attr(feature = "serde", derive(Serialize, Deserialize))]
 pub(super) struct Transition {
     pub x: Vec<Interval>,
     pub input: Vec<Interval>,

@@ -5,12 +5,14 @@ use crate::observer::error_zonotope::ErrorSet;
 use crate::observer::estimate::IntervalEstimate;
 use crate::observer::level::LevelSet;
 use crate::observer::plant::Transition;
+#[cfg(feature = "serde")]
 use crate::tol;
+#[cfg(feature = "serde")]
 use serde::{Deserialize, Serialize};
 
 /// The three sets after `step` samples. Saved as it is: a change of its fields is one of the format
 /// of [`blob`](crate::blob).
-#[derive(Serialize, Deserialize)]
+#[cfg_attr(feature = "serde", derive(Serialize, Deserialize))]
 pub(super) struct Present {
     pub step: usize,
     pub set: ErrorSet,
@@ -20,6 +22,7 @@ pub(super) struct Present {
     pub estimate: IntervalEstimate,
 }
 
+#[cfg(feature = "serde")]
 impl Present {
     /// Whether an observer of n states and p outputs could stand there.
     pub(super) fn fits(&self, n: usize, p: usize) -> bool {

@@ -7,6 +7,7 @@ use crate::interval::ends::{Ends, ends};
 use crate::interval::estimate::IntervalEstimate;
 use crate::interval::log::IntervalLog;
 use crate::interval::zonotope::reduction;
+use crate::measured::outputs;
 use crate::pickle::bytes;
 use crate::signals::{Signals, with_finished};
 use crate::words::quoted;
@@ -112,11 +113,12 @@ impl ObserverCore {
         let mut core = self.core()?;
         let core = &mut *core;
         let (p, inputs) = (core.p(), core.inputs());
-        let (Y, rows, width) = Numbers::measured("Y", y)?.into_matrix("Y", &format!("(N, {p})"))?;
-        if width != p {
-            return Err(ShapeError::new_err(format!("Y: expected {p} columns, found {width}")));
-        }
-        let U = u.map(|u| Numbers::matrix("U", u, &format!("({rows}, {inputs})"))).transpose()?;
+        let (Y, rows) = outputs("Y", y, p)?;
+        let channels = |u| match inputs {
+            1 => Numbers::from("U", u)?.into_channels("U", "(N, 1)"),
+            _ => Numbers::matrix("U", u, &format!("({rows}, {inputs})")),
+        };
+        let U = u.map(channels).transpose()?;
         if U.as_ref().is_some_and(|(_, r, w)| (*r, *w) != (rows, inputs)) {
             return Err(ShapeError::new_err(format!(
                 "U: expected ({rows}, {inputs}), found another shape"

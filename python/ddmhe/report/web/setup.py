@@ -129,7 +129,8 @@ def settings_section(run: Run) -> Section | None:
         text = "none" if value is None else text
         if isinstance(value, np.ndarray):
             text = f"given, trace {np.trace(np.atleast_2d(value)):.3g}"
-        reason = why.pop(key, "the default rule").replace("as stated", "given")
+        by_itself = "given, or as the first windows said" if key == "start" else "given"
+        reason = why.pop(key, by_itself).replace("as stated", "given")
         rows.append((key, SAID[key], text, reason))
     rows += [(key, "", "", said) for key, said in why.items() if key not in IN_FORCE]
     radius = getattr(run.est, "spectral_radius", None)
