@@ -174,6 +174,12 @@ study-reach: setup ## how far estimates of a tumbling body reach; docs/measured/
 picture: setup ## the README's picture and the errors below it
 	OPENBLAS_NUM_THREADS=1 $(PY) studies/first_picture.py
 
+study-campaign: setup ## dispersed satellites with every estimator; docs/measured/campaign.md
+	OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 $(PY) studies/campaign.py
+
+study-campaign-scale: setup ## what a campaign costs beside a bare loop; docs/measured/campaign.md
+	OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 $(PY) studies/campaign_scale.py
+
 study-pages: setup ## sizes and times of pages on long runs; docs/report.md
 	OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 $(PY) studies/pages.py
 
@@ -194,6 +200,6 @@ study-reproduction: setup ## every experiment of both papers; docs/claims.md and
 
 clean: ## removes everything that was made
 	rm -rf .venv .venv-audit .venv-peers .venv-pages .venv-release target dist python/ddmhe/_core*.so
-	rm -rf ddmhe-demo ddmhe-design ddmhe-tune ddmhe-reproduce ddmhe-interval
+	rm -rf ddmhe-demo ddmhe-design ddmhe-tune ddmhe-reproduce ddmhe-interval ddmhe-campaign
 	rm -rf .mypy_cache .pytest_cache .ruff_cache
 	find python tests -name __pycache__ -prune -exec rm -rf {} +

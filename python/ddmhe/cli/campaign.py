@@ -6,13 +6,14 @@ from __future__ import annotations
 import os
 import sys
 from pathlib import Path
+from threading import Timer
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from ddmhe.checks import file_words
 from ddmhe.cli.answer import Answer, answers
-from ddmhe.cli.interrupts import STOPPED
+from ddmhe.cli.interrupts import GRACE, STOPPED
 from ddmhe.cli.page import check_page, report_option
 from ddmhe.cli.watching import length, watching
 
@@ -81,12 +82,21 @@ def _run(answer: Answer, spec: Path | None, **given: Any) -> None:
             f"stopped; finished parts are kept: ddmhe campaign run --resume {file_words(folder)}"
         )
         answer.stop()
-        try:
-            answer.end()
-        finally:  # Dask's own end waits for workers, which are gone
-            sys.stdout.flush()
-            os._exit(STOPPED)
+        _end_soon()
+        return
     _tell(answer, campaign)
+
+
+def _end_soon() -> None:
+    """Dask's own end may wait for workers, which are gone."""
+
+    def end() -> None:
+        sys.stdout.flush()
+        os._exit(STOPPED)
+
+    timer = Timer(GRACE, end)
+    timer.daemon = True
+    timer.start()
 
 
 def _resumed(folder: Path) -> Spec:

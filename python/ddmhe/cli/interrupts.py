@@ -11,7 +11,7 @@ from contextlib import contextmanager
 from types import FrameType
 from typing import NoReturn
 
-__all__ = ["STOPPED", "ended_by_interrupts"]
+__all__ = ["GRACE", "STOPPED", "ended_by_interrupts"]
 
 GRACE = 0.7
 """Seconds after which an interrupt that Python was not let to handle ends the process."""
