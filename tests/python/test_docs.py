@@ -103,6 +103,9 @@ def test_a_filter_with_more_disturbance_wins_as_the_docs_have_it():
 
 @pytest.mark.parametrize("path", sorted(ROOT.glob("examples/gallery/*.py")), ids=lambda p: p.stem)
 def test_the_gallery_runs(path):
+    program = ROOT / "target" / "release" / "examples" / "first_estimate"
+    if path.stem == "plot_91_rust" and not program.exists():
+        pytest.skip("no program in Rust: cargo test builds it")
     command = [sys.executable, "-W", "error", str(path)]
     environment = os.environ | {"MPLBACKEND": "agg"}
     found = subprocess.run(command, capture_output=True, text=True, timeout=120, env=environment)

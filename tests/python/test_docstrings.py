@@ -34,16 +34,6 @@ SHOWN_ELSEWHERE = {
 }
 
 
-# Classes in Rust, shown by the README and the guides, which the tests run.
-COMPILED = {
-    "design.minimum_horizon",
-    *(f"ddmhe.{name}" for name in ("DdMhe", "RigidBodyMhe", "RigidBodyReport", "run_many")),
-    *(f"ddmhe.{name}" for name in ("Estimate", "Log", "Evidence", "EvidenceLog", "Zonotope")),
-    *(f"ddmhe.{name}" for name in ("History", "RankReport", "Exact", "Truncated", "Ridge")),
-    *(f"ddmhe.{name}Error" for name in ("Ddmhe", "Shape", "NotFinite", "Rank")),
-}
-
-
 def public():
     """(name, object) of every function and class that users call by this name."""
     for name, module in MODULES.items():
@@ -61,11 +51,11 @@ NAMES = dict(public())
 
 
 def test_the_list_is_of_names_that_are_there():
-    assert set(NAMES) >= SHOWN_ELSEWHERE | COMPILED
+    assert set(NAMES) >= SHOWN_ELSEWHERE
     assert len(NAMES) > 70
 
 
-@pytest.mark.parametrize("name", sorted(set(NAMES) - SHOWN_ELSEWHERE - COMPILED))
+@pytest.mark.parametrize("name", sorted(set(NAMES) - SHOWN_ELSEWHERE))
 def test_examples(name, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("MPLBACKEND", "agg")

@@ -75,6 +75,19 @@ impl History {
     /// # Errors
     /// [`Error::Shape`] when sizes do not fit, [`Error::NotFinite`], [`Error::Value`] when `dt` ≤
     /// 0.
+    ///
+    /// # Example
+    /// ```
+    /// # use ddmhe_core::*;
+    /// # // x(t+1) = 0.9 x(t) + 1, y = 2 x
+    /// # let x: Vec<f64> = std::iter::successors(Some(0.0), |x| Some(0.9 * x + 1.0)).take(61).collect();
+    /// # let y: Vec<f64> = x[..60].iter().map(|x| 2.0 * x).collect();
+    /// let history = History::new(1, 1, &x[..31], &y[..30], 0.1)?; // one state more than outputs
+    /// assert_eq!((history.n(), history.p(), history.T()), (1, 1, 30));
+    /// let short = History::new(1, 1, &x[..30], &y[..30], 0.1);
+    /// assert!(matches!(short, Err(Error::Shape { .. })));
+    /// # Ok::<(), Error>(())
+    /// ```
     pub fn new(n: usize, p: usize, x: &[f64], y: &[f64], dt: f64) -> Result<Self, Error> {
         if n == 0 {
             return Err(Error::shape("x", "at least one state channel", "none"));
@@ -114,6 +127,22 @@ impl History {
     ///
     /// # Errors
     /// [`Error::Shape`] for another number of them or none, [`Error::NotFinite`].
+    ///
+    /// # Example
+    /// ```
+    /// # use ddmhe_core::*;
+    /// let u: Vec<f64> = (0..40).map(|k| f64::from(k * k % 7)).collect();
+    /// let mut x = vec![0.0];
+    /// for k in 0..40 {
+    ///     x.push(0.9 * x[k] + u[k]);
+    /// }
+    /// let history = History::new(1, 1, &x, &x[..40], 0.1)?.with_inputs(1, &u)?;
+    /// let mut estimator = DdMhe::new(&history, Config::default())?;
+    /// let last = x[40]; // the log goes on with u = 1
+    /// let estimate = estimator.step_with(Step { y: &[last], u: &[1.0], x_bounds: None })?;
+    /// assert!((estimate.x[0] - (0.9 * last + 1.0)).abs() < 1e-6);
+    /// # Ok::<(), Error>(())
+    /// ```
     pub fn with_inputs(mut self, m: usize, u: &[f64]) -> Result<Self, Error> {
         let T = self.T();
         if m == 0 {
@@ -143,6 +172,17 @@ impl History {
     ///
     /// # Errors
     /// [`Error::Shape`] for a list of another length.
+    ///
+    /// # Example
+    /// ```
+    /// # use ddmhe_core::*;
+    /// # // x(t+1) = 0.9 x(t) + 1, y = 2 x
+    /// # let x: Vec<f64> = std::iter::successors(Some(0.0), |x| Some(0.9 * x + 1.0)).take(61).collect();
+    /// # let y: Vec<f64> = x[..60].iter().map(|x| 2.0 * x).collect();
+    /// let history = History::new(1, 1, &x[..31], &y[..30], 0.1)?.with_units(&["m"], &["N"])?;
+    /// assert_eq!(history.x_units(), ["m"]);
+    /// # Ok::<(), Error>(())
+    /// ```
     pub fn with_units<S: AsRef<str>>(
         mut self,
         x_units: &[S],
@@ -182,6 +222,18 @@ impl History {
     /// # Errors
     /// [`Error::Shape`] when the list is empty or channel counts differ, [`Error::Value`] when `dt`
     /// or a unit differs.
+    ///
+    /// # Example
+    /// ```
+    /// # use ddmhe_core::*;
+    /// # // x(t+1) = 0.9 x(t) + 1, y = 2 x
+    /// # let x: Vec<f64> = std::iter::successors(Some(0.0), |x| Some(0.9 * x + 1.0)).take(61).collect();
+    /// # let y: Vec<f64> = x[..60].iter().map(|x| 2.0 * x).collect();
+    /// let first = History::new(1, 1, &x[..21], &y[..20], 0.1)?;
+    /// let second = History::new(1, 1, &x[..31], &y[..30], 0.1)?;
+    /// assert_eq!(History::concat(&[first, second])?.recordings(), 2);
+    /// # Ok::<(), Error>(())
+    /// ```
     pub fn concat(histories: &[History]) -> Result<Self, Error> {
         let first = histories
             .first()

@@ -99,6 +99,7 @@
 //!
 //! `Err` means that an input was wrong; what the optimisation found is [`Estimate::status`].
 
+mod accessors;
 mod block;
 mod certificate;
 mod challenge;

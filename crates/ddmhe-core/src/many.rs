@@ -17,6 +17,20 @@ use std::sync::atomic::{AtomicBool, Ordering};
 /// # Errors
 /// The first log's error, in order; as for [`DdMhe::run`] its estimator is then unchanged, the
 /// others have run.
+///
+/// # Example
+/// ```
+/// # use ddmhe_core::*;
+/// # // x(t+1) = 0.9 x(t) + 1, y = 2 x
+/// # let x: Vec<f64> = std::iter::successors(Some(0.0), |x| Some(0.9 * x + 1.0)).take(61).collect();
+/// # let y: Vec<f64> = x[..60].iter().map(|x| 2.0 * x).collect();
+/// # let history = History::new(1, 1, &x[..31], &y[..30], 0.1)?;
+/// let mut estimators = vec![DdMhe::new(&history, Config::default())?; 2];
+/// let mut each: Vec<&mut DdMhe> = estimators.iter_mut().collect();
+/// let logs = run_many(&mut each, &[y[30..60].into(), y[30..40].into()], &mut |_| false)?;
+/// assert_eq!(logs[0].x[..10], logs[1].x[..]);
+/// # Ok::<(), Error>(())
+/// ```
 pub fn run_many(
     estimators: &mut [&mut DdMhe],
     logs: &[Signals<'_>],
@@ -37,6 +51,19 @@ pub fn run_many(
 ///
 /// # Errors
 /// The first log's error, in order; as for [`DdMhe::run`].
+///
+/// # Example
+/// ```
+/// # use ddmhe_core::*;
+/// # // x(t+1) = 0.9 x(t) + 1, y = 2 x
+/// # let x: Vec<f64> = std::iter::successors(Some(0.0), |x| Some(0.9 * x + 1.0)).take(61).collect();
+/// # let y: Vec<f64> = x[..60].iter().map(|x| 2.0 * x).collect();
+/// # let history = History::new(1, 1, &x[..31], &y[..30], 0.1)?;
+/// let estimator = DdMhe::new(&history, Config::default())?;
+/// let logs = run_copies(&estimator, &[y[30..60].into(), y[30..40].into()], &mut |_| false)?;
+/// assert_eq!(logs[0].x[..10], logs[1].x[..]);
+/// # Ok::<(), Error>(())
+/// ```
 pub fn run_copies(
     estimator: &DdMhe,
     logs: &[Signals<'_>],

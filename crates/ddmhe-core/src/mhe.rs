@@ -3,7 +3,7 @@
 //! What is computed at construction is a [`Design`]; what changes from step to step is a [`Run`].
 
 use crate::check::check_vector;
-use crate::config::{Bounds, Config, Settings, Start};
+use crate::config::{Bounds, Config, Start};
 use crate::config_checks::{check_beside, check_box, check_measured, check_output, check_start};
 use crate::design::Design;
 use crate::error::Error;
@@ -52,9 +52,9 @@ impl<'a> From<&'a [f64]> for Signals<'a> {
 /// The estimator. A copy continues on its own from the same window and shares everything that was
 /// computed at construction.
 pub struct DdMhe {
-    design: Arc<Design>,
-    config: Config,
-    run: Run,
+    pub(crate) design: Arc<Design>,
+    pub(crate) config: Config,
+    pub(crate) run: Run,
 }
 
 impl Clone for DdMhe {
@@ -75,6 +75,19 @@ impl DdMhe {
     /// [`Error::Value`], [`Error::Shape`] or [`Error::NotFinite`] naming the setting at fault;
     /// [`Error::Rank`] when the recording is too short for the horizon or violates the rank
     /// condition (7).
+    ///
+    /// # Example
+    /// ```
+    /// # use ddmhe_core::*;
+    /// # // x(t+1) = 0.9 x(t) + 1, y = 2 x
+    /// # let x: Vec<f64> = std::iter::successors(Some(0.0), |x| Some(0.9 * x + 1.0)).take(61).collect();
+    /// # let y: Vec<f64> = x[..60].iter().map(|x| 2.0 * x).collect();
+    /// # let history = History::new(1, 1, &x[..31], &y[..30], 0.1)?;
+    /// let config = Config { x_bounds: Some(Bounds { lo: vec![0.0], hi: vec![20.0] }), ..Config::default() };
+    /// let estimator = DdMhe::new(&history, config)?;
+    /// assert!(estimator.spectral_radius() < 1.0);
+    /// # Ok::<(), Error>(())
+    /// ```
     pub fn new(history: &History, config: Config) -> Result<Self, Error> {
         let start = config.begins();
         let design = Design::new(history, &config, Needs::of(&config, start))?;
@@ -91,6 +104,23 @@ impl DdMhe {
     ///
     /// # Errors
     /// [`Error::Shape`] or [`Error::NotFinite`] (infinite entry); the estimator is then unchanged.
+    ///
+    /// # Example
+    /// ```
+    /// # use ddmhe_core::*;
+    /// # // x(t+1) = 0.9 x(t) + 1, y = 2 x
+    /// # let x: Vec<f64> = std::iter::successors(Some(0.0), |x| Some(0.9 * x + 1.0)).take(61).collect();
+    /// # let y: Vec<f64> = x[..60].iter().map(|x| 2.0 * x).collect();
+    /// # let history = History::new(1, 1, &x[..31], &y[..30], 0.1)?;
+    /// let config = Config { start: Start::Recording, ..Config::default() };
+    /// let mut estimator = DdMhe::new(&history, config)?;
+    /// let estimate = estimator.step(&y[30..31])?; // x̂(31)
+    /// assert!((estimate.x[0] - x[31]).abs() < 1e-9);
+    /// assert_eq!(estimate.status, Status::Optimal);
+    /// let lost = estimator.step(&[f64::NAN])?; // not measured
+    /// assert!((lost.x[0] - x[32]).abs() < 1e-9);
+    /// # Ok::<(), Error>(())
+    /// ```
     pub fn step(&mut self, y: &[f64]) -> Result<&Estimate, Error> {
         check_output(y, self.design.history.p())?;
         self.check_inputs("u", &[], 1)?;
@@ -103,6 +133,20 @@ impl DdMhe {
     /// # Errors
     /// As [`step`](Self::step), for inputs that are not all there, not finite or more than 1/ε
     /// deviations from the recording, and for bounds of the wrong size, NaN or crossed.
+    ///
+    /// # Example
+    /// ```
+    /// # use ddmhe_core::*;
+    /// # // x(t+1) = 0.9 x(t) + 1, y = 2 x
+    /// # let x: Vec<f64> = std::iter::successors(Some(0.0), |x| Some(0.9 * x + 1.0)).take(61).collect();
+    /// # let y: Vec<f64> = x[..60].iter().map(|x| 2.0 * x).collect();
+    /// # let history = History::new(1, 1, &x[..31], &y[..30], 0.1)?;
+    /// let mut estimator = DdMhe::new(&history, Config::default())?;
+    /// let box_now = Bounds { lo: vec![9.0], hi: vec![9.6] }; // of this step alone
+    /// let estimate = estimator.step_with(Step { y: &y[30..31], u: &[], x_bounds: Some(&box_now) })?;
+    /// assert!((9.0..=9.6).contains(&estimate.x[0]));
+    /// # Ok::<(), Error>(())
+    /// ```
     pub fn step_with(&mut self, Step { y, u, x_bounds }: Step<'_>) -> Result<&Estimate, Error> {
         check_output(y, self.design.history.p())?;
         self.check_inputs("u", u, 1)?;
@@ -119,6 +163,19 @@ impl DdMhe {
     /// # Errors
     /// As [`step`](Self::step); the whole log is checked first, so a bad row leaves the estimator
     /// unchanged. Nothing errs after that.
+    ///
+    /// # Example
+    /// ```
+    /// # use ddmhe_core::*;
+    /// # // x(t+1) = 0.9 x(t) + 1, y = 2 x
+    /// # let x: Vec<f64> = std::iter::successors(Some(0.0), |x| Some(0.9 * x + 1.0)).take(61).collect();
+    /// # let y: Vec<f64> = x[..60].iter().map(|x| 2.0 * x).collect();
+    /// # let history = History::new(1, 1, &x[..31], &y[..30], 0.1)?;
+    /// let config = Config { start: Start::Recording, ..Config::default() };
+    /// let log = DdMhe::new(&history, config)?.run(&y[30..60])?;
+    /// assert!(log.x.iter().zip(&x[31..]).all(|(a, b)| (a - b).abs() < 1e-9));
+    /// # Ok::<(), Error>(())
+    /// ```
     pub fn run(&mut self, ys: &[f64]) -> Result<Log, Error> {
         self.run_until(ys.into(), &mut || false)
     }
@@ -175,6 +232,21 @@ impl DdMhe {
     ///
     /// # Errors
     /// [`Error::Shape`] or [`Error::NotFinite`] for `x_prior`.
+    ///
+    /// # Example
+    /// ```
+    /// # use ddmhe_core::*;
+    /// # // x(t+1) = 0.9 x(t) + 1, y = 2 x
+    /// # let x: Vec<f64> = std::iter::successors(Some(0.0), |x| Some(0.9 * x + 1.0)).take(61).collect();
+    /// # let y: Vec<f64> = x[..60].iter().map(|x| 2.0 * x).collect();
+    /// # let history = History::new(1, 1, &x[..31], &y[..30], 0.1)?;
+    /// let mut estimator = DdMhe::new(&history, Config::default())?;
+    /// estimator.step(&y[30..31])?;
+    /// estimator.reset(Some(&[5.0]))?; // another run, from x = 5
+    /// assert_eq!(estimator.t(), 0);
+    /// assert!((estimator.step(&[10.0])?.x[0] - 5.5).abs() < 1e-9);
+    /// # Ok::<(), Error>(())
+    /// ```
     pub fn reset(&mut self, x_prior: Option<&[f64]>) -> Result<(), Error> {
         let start = if x_prior.is_some() { Start::State } else { self.config.begins() };
         self.reset_from(start, x_prior)
@@ -199,26 +271,32 @@ impl DdMhe {
         Ok(())
     }
 
-    /// Number of states n.
-    pub fn n(&self) -> usize {
-        self.design.history.n()
-    }
-
-    /// Number of outputs p.
-    pub fn p(&self) -> usize {
-        self.design.history.p()
-    }
-
-    /// The settings in force.
-    pub fn settings(&self) -> &Settings {
-        &self.design.settings
-    }
-
     /// What a new run of this estimator needs in flight, as bytes for
     /// [`ddmhe_run::Plan::from_bytes`]: no recording, no solver, no standard library.
     ///
     /// # Errors
     /// [`Error::Value`] where estimates carry an error bound, which a plan has not.
+    ///
+    /// # Example
+    /// ```
+    /// # use ddmhe_core::*;
+    /// # // x(t+1) = 0.9 x(t) + 1, y = 2 x
+    /// # let x: Vec<f64> = std::iter::successors(Some(0.0), |x| Some(0.9 * x + 1.0)).take(61).collect();
+    /// # let y: Vec<f64> = x[..60].iter().map(|x| 2.0 * x).collect();
+    /// # let history = History::new(1, 1, &x[..31], &y[..30], 0.1)?;
+    /// # use ddmhe_run::{Aligned, Plan, Stepper};
+    /// let config = Config { horizon: Some(5), x_prior: Some(vec![5.0]), ..Config::default() };
+    /// let bytes = DdMhe::new(&history, config)?.plan()?; // on the ground, for a file
+    /// let mut flash = Aligned([0; 1 << 16]);
+    /// flash.0[..bytes.len()].copy_from_slice(&bytes);
+    /// // in flight
+    /// let plan = Plan::from_bytes(&flash.0[..bytes.len()]).expect("a plan as it was made");
+    /// let mut memory = vec![0.0; Stepper::room(&plan)];
+    /// let mut stepper = Stepper::new(&plan, &mut memory).expect("enough room");
+    /// let estimate = stepper.step(&[10.0]).expect("one output");
+    /// assert!((estimate.x[0] - 5.5).abs() < 1e-9);
+    /// # Ok::<(), Error>(())
+    /// ```
     pub fn plan(&self) -> Result<Vec<u8>, Error> {
         if self.is_bounded() {
             let found = "an estimator with error bounds";
@@ -230,65 +308,6 @@ impl DdMhe {
             return Ok(self.design.plan(needs));
         }
         Ok(Design::new(&self.design.history, &self.config, needs)?.plan(needs))
-    }
-
-    /// The configuration that was asked for.
-    pub fn config(&self) -> &Config {
-        &self.config
-    }
-
-    /// Whether estimates carry an error bound; [`warnings`](Self::warnings) says why not, if one
-    /// was asked for.
-    pub fn is_bounded(&self) -> bool {
-        self.run.bound.is_some()
-    }
-
-    /// Where this run started; [`Start::Auto`] as long as that is still to be found.
-    pub fn start(&self) -> Start {
-        self.run.start
-    }
-
-    /// Steps taken since the start or the last reset.
-    pub fn t(&self) -> usize {
-        self.run.t
-    }
-
-    /// Depth M_t of the next step's window.
-    pub fn next_depth(&self) -> usize {
-        let outputs = (self.run.memory.len() + 1).min(self.design.settings.horizon);
-        self.design.problem(outputs).layout().depth
-    }
-
-    /// Spectral radius of the map x̄(t-M) → x̂(t) without new information: above 1 errors grow.
-    pub fn spectral_radius(&self) -> f64 {
-        self.design.spectral_radius
-    }
-
-    /// What a user should know, in words: about the recording and the settings, and since when
-    /// outputs do what they never did in the recording (the list then grows).
-    pub fn warnings(&self) -> Vec<String> {
-        let dt = self.design.history.dt();
-        let online = self.design.watch.words(&self.run.seen, dt);
-        let of_inputs = self.design.input_watch.words(&self.run.seen_inputs, dt);
-        let doubts = self.run.doubts.words(dt);
-        let all = self.design.warnings.iter().cloned().chain(online).chain(of_inputs);
-        all.chain(doubts).collect()
-    }
-
-    /// What the recording promises: the root-mean-square error of each state in windows that were
-    /// held out of it (n), NaN where nothing could be held out. None without evidence.
-    pub fn promise(&self) -> Option<&[f64]> {
-        self.design.evidence.as_ref().map(|own| &own.states.promise[..])
-    }
-
-    /// The latest estimate (empty before the first step).
-    pub fn estimate(&self) -> &Estimate {
-        &self.run.estimate
-    }
-
-    /// The recording behind the estimator.
-    pub fn history(&self) -> &History {
-        &self.design.history
     }
 
     /// Everything that a run from this start needs.

@@ -34,6 +34,20 @@ impl DdMhe {
     ///
     /// # Errors
     /// As [`from_bytes`], and for content that no estimator has.
+    ///
+    /// # Example
+    /// ```
+    /// # use ddmhe_core::*;
+    /// # // x(t+1) = 0.9 x(t) + 1, y = 2 x
+    /// # let x: Vec<f64> = std::iter::successors(Some(0.0), |x| Some(0.9 * x + 1.0)).take(61).collect();
+    /// # let y: Vec<f64> = x[..60].iter().map(|x| 2.0 * x).collect();
+    /// # let history = History::new(1, 1, &x[..31], &y[..30], 0.1)?;
+    /// let mut estimator = DdMhe::new(&history, Config::default())?;
+    /// estimator.step(&y[30..31])?;
+    /// let mut other = DdMhe::restore(&estimator.snapshot())?;
+    /// assert_eq!(estimator.step(&y[31..32])?.x, other.step(&y[31..32])?.x); // bit for bit
+    /// # Ok::<(), Error>(())
+    /// ```
     pub fn restore(blob: &[u8]) -> Result<Self, Error> {
         let snapshot: Snapshot = from_bytes(Kind::Estimator, blob)?;
         let mut mhe = DdMhe::new(&snapshot.history, snapshot.config)?;

@@ -27,6 +27,14 @@ impl Zonotope {
     ///
     /// # Errors
     /// Shape or value: no dimension, lengths that do not fit, numbers that are not finite.
+    ///
+    /// # Example
+    /// ```
+    /// # use ddmhe_interval::*;
+    /// let z = Zonotope::new(vec![0.0, 0.0], vec![1.0, 0.0, 0.5, 1.0])?; // two generators
+    /// assert_eq!((z.n(), z.count()), (2, 2));
+    /// # Ok::<(), Error>(())
+    /// ```
     pub fn new(center: Vec<f64>, generators: Vec<f64>) -> Result<Self, Error> {
         let n = center.len();
         if n == 0 {
@@ -79,6 +87,15 @@ impl Zonotope {
     ///
     /// # Errors
     /// Shape or value of A; an image beyond the range of floats.
+    ///
+    /// # Example
+    /// ```
+    /// # use ddmhe_interval::*;
+    /// let square = Zonotope::new(vec![1.0, 0.0], vec![1.0, 0.0, 0.0, 1.0])?;
+    /// let turned = square.linear_map(&[0.0, -1.0, 1.0, 0.0])?; // A row by row
+    /// assert_eq!(turned.center(), [0.0, 1.0]);
+    /// # Ok::<(), Error>(())
+    /// ```
     pub fn linear_map(&self, A: &[f64]) -> Result<Self, Error> {
         self.image(A, &[])
     }
@@ -139,6 +156,15 @@ impl Zonotope {
     ///
     /// # Errors
     /// The dimensions differ; a sum beyond the range of floats.
+    ///
+    /// # Example
+    /// ```
+    /// # use ddmhe_interval::*;
+    /// let z = Zonotope::new(vec![1.0], vec![0.5])?;
+    /// let hull = z.minkowski_sum(&z)?.interval_hull()[0];
+    /// assert!(hull.lo <= 1.0 && 3.0 <= hull.hi && hull.hi < 3.0 + 1e-12);
+    /// # Ok::<(), Error>(())
+    /// ```
     pub fn minkowski_sum(&self, other: &Self) -> Result<Self, Error> {
         if self.n() != other.n() {
             return Err(Error::shape("other", format!("dimension {}", self.n()), other.n()));
@@ -212,6 +238,15 @@ impl Zonotope {
     ///
     /// # Errors
     /// Shape or value of x.
+    ///
+    /// # Example
+    /// ```
+    /// # use ddmhe_interval::*;
+    /// let z = Zonotope::new(vec![0.0, 0.0], vec![1.0, 0.0, 0.5, 1.0])?;
+    /// assert!(z.contains(&[1.5, 1.0])?);
+    /// assert!(!z.contains(&[1.5, -1.0])?);
+    /// # Ok::<(), Error>(())
+    /// ```
     #[cfg(feature = "clarabel")]
     pub fn contains(&self, x: &[f64]) -> Result<bool, Error> {
         check_vector("x", x, self.n())?;
@@ -260,6 +295,15 @@ impl Zonotope {
     ///
     /// # Errors
     /// q below n; generators whose sums leave the range of floats.
+    ///
+    /// # Example
+    /// ```
+    /// # use ddmhe_interval::*;
+    /// let z = Zonotope::new(vec![0.0], vec![1.0, 0.5, 0.25])?;
+    /// let fewer = z.reduce(1, Reduction::Girard)?;
+    /// assert!(fewer.count() == 1 && fewer.contains(&[1.75])?);
+    /// # Ok::<(), Error>(())
+    /// ```
     pub fn reduce(&self, q: usize, method: Reduction) -> Result<Self, Error> {
         if q < self.n() {
             return Err(Error::value("q", format!("at least the dimension, {}", self.n()), q));

@@ -153,6 +153,12 @@ fn matrix(value: &Bound<'_, PyAny>, rows: usize, columns: usize) -> PyResult<Vec
 }
 
 /// Smallest M with 4 rho**M < 1 (Liu et al. 2026, (33)); DdmheError unless rho is in (0, 1).
+///
+/// Examples
+/// --------
+/// >>> import ddmhe
+/// >>> ddmhe.design.minimum_horizon(0.8)  # 4 * 0.8**7 is below 1, 4 * 0.8**6 is not
+/// 7
 #[pyfunction]
 pub fn minimum_horizon(rho: &Bound<'_, PyAny>) -> PyResult<usize> {
     ddmhe_core::minimum_horizon(number("rho", rho)?).map_err(raise)

@@ -1,5 +1,8 @@
 //! Arrays in, errors out: the border between NumPy and the core.
 
+pub use crate::exceptions::{
+    DdmheError, InfeasibleError, ModelViolationError, NotFiniteError, RankError, ShapeError,
+};
 use crate::words::{kind, said, shown};
 use ddmhe_core::Error;
 use numpy::ndarray::Dimension;
@@ -7,42 +10,8 @@ use numpy::{
     AllowTypeChange, IntoPyArray, PyArray, PyArray1, PyArray2, PyArrayDyn, PyArrayLikeDyn,
     PyArrayMethods, PyReadwriteArray, PyUntypedArrayMethods,
 };
-use pyo3::create_exception;
-use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::{PyList, PyListMethods, PyString, PyTuple};
-
-create_exception!(
-    ddmhe,
-    DdmheError,
-    PyValueError,
-    "Base of all errors of this package: an input was wrong."
-);
-create_exception!(ddmhe, ShapeError, DdmheError, "An array has the wrong shape.");
-create_exception!(
-    ddmhe,
-    NotFiniteError,
-    DdmheError,
-    "A number that must be finite is NaN or infinite."
-);
-create_exception!(
-    ddmhe,
-    RankError,
-    DdmheError,
-    "The recording does not hold enough information (rank condition (7))."
-);
-create_exception!(
-    ddmhe,
-    InfeasibleError,
-    DdmheError,
-    "Stated requirements cannot be met together."
-);
-create_exception!(
-    ddmhe,
-    ModelViolationError,
-    DdmheError,
-    "Measurements contradict the stated model or bounds."
-);
 
 /// The exception that belongs to a core error.
 pub fn raise(error: Error) -> PyErr {

@@ -11,6 +11,16 @@ use pyo3::sync::PyOnceLock;
 use pyo3::types::{PyIterator, PyType};
 
 /// The estimate of one step, with its evidence. Arrays are made when they are first asked for.
+///
+/// Examples
+/// --------
+/// >>> import ddmhe
+/// >>> record = ddmhe.models.detumbling().simulate(duration=40.0, dt=0.1, noise=0.01)
+/// >>> estimate = ddmhe.DdMhe(record.history(200)).step(record.y[200])
+/// >>> estimate.x.shape, estimate.std.shape, estimate.status
+/// ((3,), (3,), 'optimal')
+/// >>> bool((estimate.window[-1] == estimate.x).all())
+/// True
 #[pyclass(module = "ddmhe", frozen, name = "Estimate")]
 pub struct Estimate {
     core: ddmhe_core::Estimate,

@@ -7,6 +7,14 @@ use pyo3::prelude::*;
 use pyo3::types::{PyTuple, PyType};
 
 /// How far to trust one estimate. Arrays are made when they are asked for.
+///
+/// Examples
+/// --------
+/// >>> import ddmhe
+/// >>> record = ddmhe.models.detumbling().simulate(duration=40.0, dt=0.1, noise=0.01)
+/// >>> evidence = ddmhe.DdMhe(record.history(200)).step(record.y[200]).evidence
+/// >>> evidence.kind, evidence.value < evidence.limit, evidence.innovation.shape
+/// ('V', True, (3,))
 #[pyclass(module = "ddmhe", frozen, name = "Evidence")]
 pub struct Evidence {
     core: ddmhe_core::Evidence,
@@ -100,6 +108,14 @@ impl Evidence {
 }
 
 /// How far to trust the estimates of a run; row k belongs to step k+1 of it.
+///
+/// Examples
+/// --------
+/// >>> import ddmhe
+/// >>> record = ddmhe.models.detumbling().simulate(duration=40.0, dt=0.1, noise=0.01)
+/// >>> evidence = ddmhe.DdMhe(record.history(200)).run(record.y[200:300]).evidence
+/// >>> evidence.value.shape, evidence.innovation.shape
+/// ((100,), (100, 3))
 #[pyclass(module = "ddmhe", frozen, name = "EvidenceLog")]
 pub struct EvidenceLog {
     /// What value is: see Evidence.kind.

@@ -34,6 +34,16 @@ use pyo3::types::{PyBytes, PyType};
 /// ------
 /// ShapeError, NotFiniteError, DdmheError
 ///     Wrong shapes; NaN or infinity; dt <= 0.
+///
+/// Examples
+/// --------
+/// >>> import ddmhe
+/// >>> record = ddmhe.models.detumbling().simulate(duration=30.0, dt=0.1, noise=0.01)
+/// >>> history = ddmhe.History(record.x[:201], record.y[:200], 0.1, x_units="rad/s", y_units="N m")
+/// >>> history.n, history.p, history.T
+/// (3, 3, 200)
+/// >>> history.rank(20).satisfied
+/// True
 #[pyclass(module = "ddmhe", frozen, name = "History")]
 pub struct History {
     pub core: ddmhe_core::History,
@@ -331,6 +341,14 @@ fn units(argument: &str, value: Option<&Bound<'_, PyAny>>) -> PyResult<Vec<Strin
 }
 
 /// Outcome of the rank condition (7): rank [H_1(x[0..T-L]); 1ᵀ] = n + 1.
+///
+/// Examples
+/// --------
+/// >>> import ddmhe
+/// >>> record = ddmhe.models.detumbling().simulate(duration=30.0, dt=0.1, noise=0.01)
+/// >>> report = record.history(200).rank(depth=20)
+/// >>> report.rank, report.required, report.satisfied
+/// (4, 4, True)
 #[pyclass(module = "ddmhe", frozen, name = "RankReport")]
 pub struct RankReport {
     core: ddmhe_core::RankReport,

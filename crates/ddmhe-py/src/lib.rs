@@ -5,6 +5,7 @@ mod certificate;
 mod convert;
 mod estimate;
 mod evidence;
+mod exceptions;
 mod exclusive;
 mod frames;
 mod history;

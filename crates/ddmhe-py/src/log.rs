@@ -10,6 +10,16 @@ use pyo3::sync::PyOnceLock;
 use pyo3::types::{PyTuple, PyType};
 
 /// The estimates of a whole run; row k belongs to step k+1 of it.
+///
+/// Examples
+/// --------
+/// >>> import ddmhe
+/// >>> record = ddmhe.models.detumbling().simulate(duration=40.0, dt=0.1, noise=0.01)
+/// >>> log = ddmhe.DdMhe(record.history(200)).run(record.y[200:300])
+/// >>> len(log), log.x.shape, log.std.shape
+/// (100, (100, 3), (100, 3))
+/// >>> log[10:20].t.shape, log.to_pandas().shape[0]
+/// ((10,), 100)
 #[pyclass(module = "ddmhe", frozen, name = "Log")]
 pub struct Log {
     /// Estimated states (N, n).

@@ -35,6 +35,17 @@ use pyo3::prelude::*;
 /// KeyboardInterrupt
 ///     Within about 50 ms of Ctrl-C; its attribute `finished` is the list of Logs, each with the
 ///     steps made by then.
+///
+/// Examples
+/// --------
+/// >>> import ddmhe
+/// >>> record = ddmhe.models.detumbling().simulate(duration=60.0, dt=0.1, noise=0.01)
+/// >>> estimator = ddmhe.DdMhe(record.history(200))
+/// >>> logs = ddmhe.run_many(estimator, [record.y[200:300], record.y[200:400]])
+/// >>> [len(log) for log in logs]
+/// [100, 200]
+/// >>> bool((logs[0].x == logs[1].x[:100]).all())
+/// True
 #[pyfunction]
 #[pyo3(signature = (estimators, logs, inputs=None))]
 pub fn run_many(

@@ -114,6 +114,19 @@ use std::sync::MutexGuard;
 /// ShapeError, NotFiniteError, RankError, DdmheError
 ///     One clear error naming the argument. What the optimisation finds is never an error: see
 ///     Estimate.status.
+///
+/// Examples
+/// --------
+/// >>> import numpy as np
+/// >>> import ddmhe
+/// >>> record = ddmhe.models.detumbling().simulate(duration=40.0, dt=0.1, noise=0.01)
+/// >>> estimator = ddmhe.DdMhe(record.history(200), x_bounds=(-0.5, 0.5))
+/// >>> estimate = estimator.step(record.y[200])  # the state at sample 201
+/// >>> estimate.status, estimate.x.shape, estimate.trusted
+/// ('optimal', (3,), True)
+/// >>> log = estimator.run(record.y[201:300])
+/// >>> bool(np.abs(log.x - record.x[202:301]).max() < 0.01)  # rad/s
+/// True
 #[pyclass(module = "ddmhe", frozen, name = "DdMhe")]
 pub struct DdMhe {
     core: Exclusive<ddmhe_core::DdMhe>,

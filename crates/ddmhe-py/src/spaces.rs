@@ -8,6 +8,13 @@ use pyo3::prelude::*;
 use pyo3::types::PyType;
 
 /// Every direction above rounding level: the equality (16b) as printed, with the least-norm alpha.
+///
+/// Examples
+/// --------
+/// >>> import ddmhe
+/// >>> history = ddmhe.models.detumbling().simulate(duration=30.0, dt=0.1).history(200)
+/// >>> ddmhe.DdMhe(history, horizon=10, rho=0.8, mu=1e5, space=ddmhe.Exact()).horizon
+/// 10
 #[pyclass(module = "ddmhe", frozen, eq, hash, name = "Exact")]
 #[derive(PartialEq, Hash)]
 pub struct Exact;
@@ -38,6 +45,13 @@ impl Exact {
 ///     Relative singular value below which a direction is dropped.
 ///
 /// With neither given: rank n, the dimension that noise-free linear data have.
+///
+/// Examples
+/// --------
+/// >>> import ddmhe
+/// >>> history = ddmhe.models.detumbling().simulate(duration=30.0, dt=0.1, noise=0.01).history(200)
+/// >>> ddmhe.DdMhe(history, horizon=10, rho=0.8, mu=1e5, space=ddmhe.Truncated(3)).rank
+/// 3
 #[pyclass(module = "ddmhe", frozen, eq, name = "Truncated")]
 #[derive(PartialEq)]
 pub struct Truncated {
@@ -80,6 +94,13 @@ impl Truncated {
 /// normalised : bool
 ///     True: the weight is on ||a||**2 = N ||alpha||**2 - 1, in units of the cost: what DdMhe.ridge
 ///     shows, and the same for every length of recording, horizon and unit.
+///
+/// Examples
+/// --------
+/// >>> import ddmhe
+/// >>> history = ddmhe.models.detumbling().simulate(duration=30.0, dt=0.1, noise=0.01).history(200)
+/// >>> ddmhe.DdMhe(history, space=ddmhe.Ridge(1e-5, normalised=True)).ridge
+/// 1e-05
 #[pyclass(module = "ddmhe", frozen, eq, name = "Ridge")]
 #[derive(PartialEq)]
 pub struct Ridge {

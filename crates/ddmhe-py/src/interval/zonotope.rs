@@ -26,6 +26,16 @@ pub fn reduction(name: &str) -> PyResult<Reduction> {
 /// Raises
 /// ------
 /// ShapeError, NotFiniteError
+///
+/// Examples
+/// --------
+/// >>> import ddmhe
+/// >>> z = ddmhe.Zonotope([0.0, 0.0], [[1.0, 0.5], [0.0, 1.0]])
+/// >>> z.contains([1.5, 1.0]), z.contains([1.6, 1.0])
+/// (True, False)
+/// >>> lo, hi = z.interval_hull()
+/// >>> bool((lo <= [-1.5, -1.0]).all()), z.order
+/// (True, 1.0)
 #[pyclass(module = "ddmhe", name = "Zonotope", frozen)]
 pub struct Zonotope(pub ddmhe_core::Zonotope);
 
