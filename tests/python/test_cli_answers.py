@@ -10,11 +10,13 @@ import sys
 import time
 from pathlib import Path
 
+import click
 import numpy as np
 import pytest
 
 import ddmhe
 from commands import COLUMNS, in_a_process, in_here, printed
+from ddmhe.cli import COMMANDS as LINES
 from ddmhe.cli import cli
 
 ROOT = Path(__file__).parents[2]
@@ -114,8 +116,11 @@ def test_without_a_command_help_is_printed_and_no_help_is_cut():
     bare = in_a_process()
     assert (bare.returncode, bare.stdout) == (0, in_a_process("--help").stdout)
     assert "..." not in bare.stdout.partition("\n")[2]
-    for name in cli.commands:
+    for name, (_, line) in LINES.items():
         assert f"  {name} " in bare.stdout
+        command = cli.get_command(click.Context(cli), name)
+        assert command is not None
+        assert (command.name, command.get_short_help_str(99)) == (name, line)
 
 
 def test_a_table_in_a_pipe_is_as_wide_as_it_is(frame, tmp_path):

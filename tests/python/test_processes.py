@@ -397,11 +397,11 @@ def test_estimate_writes_the_samples_that_were_estimated(tmp_path):
     out = tmp_path / "est.csv"
     program = f"""
     from ddmhe.cli import estimate, main
-    def told(*given, make=estimate.DdMhe, **settings):
-        est = make(*given, **settings)
+    def told(*given, make=estimate.choose):
+        chosen = make(*given)
         ready()
-        return est
-    estimate.DdMhe = told
+        return chosen
+    estimate.choose = told
     sys.argv = ["ddmhe", "estimate", {str(log)!r}, "--state", "x", "--output", "y"]
     sys.argv += ["--history", "20", "--horizon", "90", "--space", "ridge:1e-3"]
     sys.argv += ["--out", {str(out)!r}]

@@ -20,7 +20,14 @@ from ddmhe.cli.follow import follow
 from ddmhe.cli.in_force import who_gave
 from ddmhe.cli.metadata import metadata, read_as
 from ddmhe.cli.options import log_options
-from ddmhe.cli.page import check_page, report_option, step_times, write_page_of
+from ddmhe.cli.page import (
+    check_page,
+    report_option,
+    rerun_option,
+    step_times,
+    write_page_of,
+    write_recording_of,
+)
 from ddmhe.cli.reading import read, untold
 from ddmhe.cli.running import run
 from ddmhe.cli.settings import OF_ESTIMATOR, setting_options, settings_from_file, settings_of
@@ -29,6 +36,7 @@ from ddmhe.files import check_writable
 from ddmhe.recordings import Log, Recorded
 from ddmhe.report.estimates_file import check_ending
 from ddmhe.report.trust import Trust
+from ddmhe.report.viewer import check_recording
 
 __all__ = ["command"]
 
@@ -48,6 +56,7 @@ FIGURES = (".png", ".pdf", ".svg")
     "--plot", type=click.Path(path_type=Path), metavar="FILE.png", help="Where a figure goes."
 )
 @report_option
+@rerun_option
 @estimator_option
 @setting_options
 @click.option("--follow", is_flag=True, help="LOG is still being written: a line in, one out.")
@@ -64,6 +73,7 @@ def command(
     out: Path | None,
     plot: Path | None,
     page: Path | None,
+    viewed: Path | None,
     config: Path | None,
     **given: Any,
 ) -> None:
@@ -80,15 +90,19 @@ def command(
     own = {key: given.pop(key) for key in OF_ESTIMATOR}
     from_file = settings_from_file(config, given)
     if live:
-        if page is not None:
-            raise click.BadParameter("expected without --follow, found both", param_hint="--report")
+        for option, place in (("--report", page), ("--rerun", viewed)):
+            if place is not None:
+                raise click.BadParameter("expected without --follow, found both", param_hint=option)
         if kind != "dd":
             raise click.BadParameter("expected dd with --follow", param_hint="--estimator")
         _follow(answer, log, out, plot, given, (from_file, own), resume)
         return
     check_page(page)
+    if viewed is not None:
+        check_recording(viewed, "--rerun")
     target, figure = _targets(log, out, plot)
-    replaced = [path for path in (target, figure, page) if path is not None and path.exists()]
+    places = (target, figure, page, viewed)
+    replaced = [path for path in places if path is not None and path.exists()]
     how = read_as(given)
     samples, split = read(answer, log, given)
     named = settings_of(from_file, own, samples.names, split.goes_on)
@@ -111,6 +125,8 @@ def command(
         told = list(in_words_of(samples.names, est.warnings, split.t))
         times = step_times(fresh, split, took)
         written.append(write_page_of(page, split, (est, estimates), about, told, times))
+    if viewed is not None:
+        written.append(write_recording_of(viewed, split, (est, estimates)))
     _warn(answer, samples, split, [told for told in est.warnings if told not in at_first])
     marks = chosen.rows(who_gave(from_file, own, config))
     answer.show(summary(samples, split, chosen.promise, estimates, marks))

@@ -22,7 +22,14 @@ from ddmhe.files import check_writable
 from ddmhe.recordings import Recorded
 from ddmhe.report.web import Source, StepTimes
 
-__all__ = ["check_page", "report_option", "step_times", "write_page_of"]
+__all__ = [
+    "check_page",
+    "report_option",
+    "rerun_option",
+    "step_times",
+    "write_page_of",
+    "write_recording_of",
+]
 
 SINGLE = 1000
 """Steps that are timed one by one."""
@@ -33,6 +40,15 @@ report_option = click.option(
     type=click.Path(path_type=Path),
     metavar="FILE.html",
     help="Where a page on the run goes: one file, charts and all.",
+)
+
+
+rerun_option = click.option(
+    "--rerun",
+    "viewed",
+    type=click.Path(path_type=Path),
+    metavar="FILE.rrd",
+    help="The run for the Rerun viewer; three rates turn a box.",
 )
 
 
@@ -88,6 +104,19 @@ def write_page_of(
         units=units, source=source,
     )  # fmt: skip
     return path
+
+
+def write_recording_of(path: Path, split: Recorded, made: tuple[Any, Any]) -> Path:
+    """Write what the Rerun viewer shows of an estimator and what its run returned, `made`."""
+    est, estimates = made
+    path.parent.mkdir(parents=True, exist_ok=True)
+    units = {name: split.log.unit(name) for name in (*split.names.state, *split.names.output)}
+    count = len(estimates.x)
+    truth = None if split.x_true is None else split.x_true[:count]
+    names = {"state": split.names.state, "output": split.names.output}
+    return report.rerun(
+        est, estimates, path, truth=truth, t=split.t[:count], names=names, units=units
+    )
 
 
 def _facts(split: Recorded, about: Mapping[str, Any]) -> dict[str, str]:

@@ -8,6 +8,7 @@ from ddmhe.report.measures import nrmse, pooled_nrmse, rmse, rmse_norm, root_mea
 from ddmhe.report.page import cells, markdown
 from ddmhe.report.saving import save_figure, write_estimates
 from ddmhe.report.tables import design, observer_design, outcome, promise, scores, settings, table
+from ddmhe.report.viewer import rerun
 from ddmhe.report.web import html
 
 __all__ = [
@@ -20,6 +21,7 @@ __all__ = [
     "outcome",
     "pooled_nrmse",
     "promise",
+    "rerun",
     "rmse",
     "rmse_norm",
     "root_mean_square",
