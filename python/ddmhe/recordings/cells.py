@@ -110,6 +110,7 @@ def number(text: str, decimal: str = ".", grouped: bool = False) -> float | None
         if "." in text:
             return None
         text = text.replace(",", ".")
+    text = text.replace("\N{MINUS SIGN}", "-")
     fortran = re.fullmatch(r"([+-]?[\d.]+)[dD]([+-]?\d+)", text)
     try:
         return None if "_" in text else float(f"{fortran[1]}e{fortran[2]}" if fortran else text)

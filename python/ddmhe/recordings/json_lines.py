@@ -14,6 +14,9 @@ from ddmhe.recordings.errors import LogError
 from ddmhe.recordings.table import Cells, Table
 from ddmhe.recordings.text import decode
 
+SPLIT = {"columns", "index", "data"}
+"""Keys of a frame as pandas writes it."""
+
 __all__ = ["flat", "json_table", "table_of_objects"]
 
 
@@ -24,12 +27,29 @@ def json_table(path: str, data: bytes, asked: Sequence[str], encoding: str | Non
         whole = json.loads(text)
     except (ValueError, RecursionError):  # a number may have too many digits
         return table_of_objects(path, list(_lines(path, text)))
+    if isinstance(whole, Mapping) and {"columns", "data"} <= set(whole) <= SPLIT:
+        return _split(path, whole)
     if isinstance(whole, Mapping) and all(isinstance(v, list) for v in whole.values()):
         return frame_table(path, {k: np.array(v, dtype=object) for k, v in whole.items()}, asked)
     rows = whole if isinstance(whole, list) else [whole]
     if not all(isinstance(row, Mapping) for row in rows):
         raise LogError(f"{path}: expected JSON objects with columns' names as keys, found others")
     return table_of_objects(path, list(enumerate(rows, 1)), "row")
+
+
+def _split(path: str, whole: Mapping[str, Any]) -> Table:
+    """A frame as pandas writes it with orient="split": names, rows, and an index that is left out
+    where it counts."""
+    names, rows, index = whole["columns"], whole["data"], whole.get("index")
+    fits = isinstance(names, list) and isinstance(rows, list) and len(rows) > 0
+    if not fits or not all(isinstance(row, list) and len(row) == len(names) for row in rows):
+        raise LogError(
+            f"{path}: expected rows of as many values as there are columns, found others"
+        )
+    if isinstance(index, list) and len(index) == len(rows) and index != list(range(len(rows))):
+        names, rows = ["index", *names], [[k, *row] for k, row in zip(index, rows, strict=True)]
+    objects = [dict(zip(map(str, names), row, strict=True)) for row in rows]
+    return table_of_objects(path, list(enumerate(objects, 1)), "row")
 
 
 def _lines(path: str, text: str) -> Iterator[tuple[int, Any]]:

@@ -21,8 +21,8 @@ _DATE = r"""(?:(?P<Y>\d{4})[-/.](?P<m>\d{1,2})[-/.](?P<d>\d{1,2})
     |(?P<day>\d{1,2})[-/.\s](?P<month>[A-Za-z]{3})[a-z]*\.?[-/.,\s]\s?(?P<year>\d{4})
     |(?P<month2>[A-Za-z]{3})[a-z]*\.?\s+(?P<day2>\d{1,2}),?\s+(?P<year2>\d{4}))"""
 _MONTHS = "jan feb mar apr may jun jul aug sep oct nov dec".split()  # noqa: SIM905
-_CLOCK = r"""(?P<H>\d{1,3}):(?P<M>\d{2})(?::(?P<S>\d{2}))?(?:[.,](?P<f>\d{1,9}))?
-    \s*(?P<half>[AaPp][Mm])?\s*(?P<zone>Z|UTC|[+-]\d{2}(?::?\d{2})?)?"""
+_CLOCK = r"""(?P<H>\d{1,3}):(?P<M>\d{2})(?::(?P<S>\d{2}))?
+    (?:(?:[.,]|(?<=:\d\d:\d\d):(?=\d{3}(?!\d)))(?P<f>\d{1,9}))?\s*(?P<half>[AaPp][Mm])?\s*(?P<zone>Z|UTC|[+-]\d{2}(?::?\d{2})?)?"""
 _COMPACT = r"(?P<H2>\d{2})(?P<M2>\d{2})(?P<S2>\d{2})(?:[.,](?P<f2>\d{1,9}))?(?P<zone2>Z)?"
 _STAMP = re.compile(
     rf"(?:{_DATE}(?:[T,\s]\s*(?:{_CLOCK}|{_COMPACT}))?|{_CLOCK.replace('?P<', '?P<only_')})\Z",

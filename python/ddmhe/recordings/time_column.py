@@ -28,6 +28,7 @@ RISING = 0.9
 _SECONDS = re.compile(r"(?P<stem>.*?)(?P<word>secs?|seconds)\Z", re.IGNORECASE)
 _NANOS = ("nanos", "nsec", "nsecs", "nanosec", "nanoseconds", "nanosecs")
 _JOINED = "time"
+_ISO = re.compile(r"\s*PT(?=\d)(?:(\d+)H)?(?:(\d+)M)?(?:(\d+(?:[.,]\d+)?)S)?\s*\Z")
 _DURATION = re.compile(r"\s*([+-]?[\d.,]+(?:[eE][+-]?\d+)?)\s*([a-zµμ]+)\s*\Z")
 
 
@@ -154,6 +155,12 @@ def with_plain_durations(table: Table) -> Table:
     """The table with times like "0.02 sec" as numbers, whose unit is said."""
     units, columns, told = dict(table.units), list(table.columns), []
     for k, (name, cells) in enumerate(zip(table.header, table.columns, strict=True)):
+        if not isinstance(cells, np.ndarray) and cells and (is_time_name(name) or k == 0):
+            iso = _iso_seconds(cells)
+            if iso is not None:
+                columns[k], units[name] = iso, "s"
+                told.append(f"ISO durations in the cells of {shown(name)}")
+                continue
         first = None if isinstance(cells, np.ndarray) or not cells else _DURATION.match(cells[0])
         if first is None or not (is_time_name(name) or k == 0) or unit_word(first[2]) is None:
             continue
@@ -163,6 +170,20 @@ def with_plain_durations(table: Table) -> Table:
             units[name] = first[2]
             told.append(f"{first[2]} in the cells of {shown(name)}")
     return replace(table, columns=columns, units=units).noted(*told) if told else table
+
+
+def _iso_seconds(cells: Sequence[str]) -> list[str] | None:
+    """Seconds of durations like PT1M3.02S; None where a cell is none."""
+    if _ISO.match(cells[0]) is None:
+        return None
+    found = [_ISO.match(cell) for cell in cells]
+    parts = [match.groups(default="0") for match in found if match is not None]
+    if len(parts) < len(cells):
+        return None
+    whole = [3600 * int(h) + 60 * int(m) for h, m, _ in parts]
+    return [
+        f"{w + float(s.replace(',', '.')):.12g}" for w, (_, _, s) in zip(whole, parts, strict=True)
+    ]
 
 
 def with_joined_time(table: Table) -> Table:
