@@ -12,6 +12,7 @@ import sys
 import pytest
 
 from campaigns import SMALL, at, begin, command, contents, kill_worker
+from commands import in_here
 from ddmhe import campaign
 from ddmhe.campaign.store import Store
 from ddmhe.campaign.work import run_part
@@ -181,12 +182,22 @@ def test_a_changed_spec_and_a_used_folder_are_refused(spec, whole, tmp_path):
         ((spec, "--out", whole), "--resume goes on with it"),
         (("--resume", tmp_path), "expected the folder of a campaign"),
         ((spec,), "'--out' and '--resume'"),
-        ((spec, "--out", tmp_path / "x", "--scheduler", "tcp://127.0.0.1:9"), "scheduler"),
     ):
-        done = subprocess.run(command("run", *arguments), capture_output=True, text=True)
+        done = in_here("campaign", "run", *arguments)
         assert done.returncode == 2
         assert len(done.stderr.splitlines()) == 1
         assert words in done.stderr
+
+
+@pytest.mark.long
+def test_a_scheduler_that_does_not_answer_is_named(spec, tmp_path):
+    address = f"tcp://127.0.0.1:{free_port()}"
+    done = subprocess.run(
+        command("run", spec, "--out", tmp_path / "x", "--scheduler", address),
+        capture_output=True, text=True,
+    )  # fmt: skip
+    assert done.returncode == 2
+    assert f"answers at {address}" in done.stderr
 
 
 def test_a_dry_run_counts(spec):
