@@ -122,7 +122,10 @@ def error_section(run: Run) -> Section | None:
         "state", "rms error", "over its spread", "promised rms", f"within {BARS:g} sd",
         "while trusted",
     )  # fmt: skip
-    table = Table("Errors against the states that the log holds", header, rows)
+    said = [k for k in range(len(header)) if any(row[k] for row in rows)]
+    rows = [[row[k] for k in said] for row in rows]
+    names = tuple(header[k] for k in said)
+    table = Table("Errors against the states that the log holds", names, rows)
     return Section("errors", "Errors against the truth", [table, *charts])
 
 
