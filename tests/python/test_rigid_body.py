@@ -229,6 +229,24 @@ def test_a_recording_of_no_body_is_left_to_the_affine_estimator():
     assert "no rigid body explains" in est.warnings[0]
 
 
+def test_a_recording_that_is_not_of_three_rates_is_left_to_the_affine_estimator():
+    """Two states of a pendulum, one output."""
+    t = 0.1 * np.arange(301)
+    x = np.column_stack([np.sin(t), np.cos(t)])
+    y = x[:, :1] + 1e-3 * np.random.default_rng(0).standard_normal((301, 1))
+    history = ddmhe.History(x[:201], y[:200], dt=0.1, x_units="rad")
+    est = ddmhe.RigidBodyMhe(history)
+    log = est.run(y[200:])
+    assert not est.explained
+    assert est.report() is None
+    assert set(log.status) == {"affine"}
+    assert np.array_equal(log.x, ddmhe.DdMhe(history).run(y[200:]).x)
+    assert "n = 2 states" in est.warnings[0]
+    assert same(ddmhe.RigidBodyMhe.restore(est.snapshot()).run(y[:50]), est.run(y[:50]))
+    with pytest.raises(ddmhe.ShapeError, match="x: expected no rates"):
+        est.step(y[0], x=[0.0, 0.0, 0.0])
+
+
 def test_estimates_stay_inside_the_box():
     history, settings, Y, _ = golden("target 2")
     free = ddmhe.RigidBodyMhe(history, **settings).run(Y)
@@ -262,7 +280,6 @@ def test_recordings_of_no_rates_are_refused():
     draw = np.random.default_rng(0)
     x, y = draw.standard_normal((201, 3)), draw.standard_normal((200, 2))
     for history, words in [
-        (ddmhe.History(x[:, :2], y, dt=0.1), "n = 3 states"),
         (ddmhe.History(x, y, dt=0.1, u=y), "none of known inputs"),
         (ddmhe.History(x[:51], y[:50], dt=0.1), "at least 100 outputs"),
         (ddmhe.History(x, y, dt=0.1, x_units="deg/s"), "rates in rad/s"),

@@ -28,7 +28,7 @@ use std::sync::MutexGuard;
 /// ----------
 /// history : History
 ///     One recording of three rates (rad/s, about axes fixed in the body) and one to six outputs,
-///     of at least 100 samples, without inputs.
+///     of at least 100 samples, without inputs. One of other sizes is no body's: a DdMhe estimates.
 /// x_noise : float or array (3,), optional
 ///     Standard deviation of the noise on recorded rates; None: as fifth differences show.
 /// y_noise : float or array (p,), optional
@@ -135,7 +135,9 @@ impl RigidBodyMhe {
             x_noise: levels("x_noise", x_noise)?,
             y_noise: levels("y_noise", y_noise)?,
             output_noise: levels("output_noise", output_noise)?,
-            x_bounds: x_bounds.map(|v| bounds("x_bounds", v, 3, None)).transpose()?,
+            x_bounds: x_bounds
+                .map(|v| bounds("x_bounds", v, history.core.n(), None))
+                .transpose()?,
             rate_noise: levels("rate_noise", rate_noise)?,
             refit: refit.map(refits).transpose()?.unwrap_or_default(),
             optima,
@@ -162,8 +164,8 @@ impl RigidBodyMhe {
     ) -> PyResult<Bound<'py, PyAny>> {
         let mut core = self.core()?;
         let core = &mut *core;
-        let p = core.p();
-        out.map(|out| writable::<Ix1>("out", out, &[3])).transpose()?;
+        let (n, p) = (core.n(), core.p());
+        out.map(|out| writable::<Ix1>("out", out, &[n])).transpose()?;
         let clock = clock(core, core.t());
         let y = Numbers::measured("y_t", y_t)?.into_vector("y_t", p)?;
         let rates = x.map(|x| Numbers::measured("x", x)?.into_vector("x", 3)).transpose()?;
@@ -173,9 +175,9 @@ impl RigidBodyMhe {
         });
         let estimate = estimate.map_err(raise)?;
         let Some(out) = out else {
-            return Ok(Bound::new(py, Estimate::new(estimate, 3, p, clock))?.into_any());
+            return Ok(Bound::new(py, Estimate::new(estimate, n, p, clock))?.into_any());
         };
-        writable::<Ix1>("out", out, &[3])?.as_slice_mut()?.copy_from_slice(&estimate.x);
+        writable::<Ix1>("out", out, &[n])?.as_slice_mut()?.copy_from_slice(&estimate.x);
         Ok(out.clone())
     }
 
@@ -198,7 +200,7 @@ impl RigidBodyMhe {
     ) -> PyResult<Log> {
         let mut core = self.core()?;
         let core = &mut *core;
-        let p = core.p();
+        let (states, p) = (core.n(), core.p());
         let (data, rows) = outputs("Y", Y, p)?;
         let rates = X.map(|X| Numbers::measured("X", X)?.into_matrix("X", "(N, 3)")).transpose()?;
         if let Some((_, n, width)) = &rates
@@ -207,7 +209,7 @@ impl RigidBodyMhe {
             let found = format!("X: expected ({rows}, 3), found ({n}, {width})");
             return Err(ShapeError::new_err(found));
         }
-        let room = out.map(|out| writable::<Ix2>("out", out, &[rows, 3])).transpose()?;
+        let room = out.map(|out| writable::<Ix2>("out", out, &[rows, states])).transpose()?;
         let mut signals = Signals::default();
         let clock = clock(core, core.t());
         let rates = rates.as_ref().map(|(rates, ..)| &rates[..]);
@@ -216,7 +218,7 @@ impl RigidBodyMhe {
         let made = log.status.len();
         let x = match (out, room) {
             (Some(out), Some(mut room)) => {
-                room.as_slice_mut()?[..made * 3].copy_from_slice(&log.x);
+                room.as_slice_mut()?[..made * states].copy_from_slice(&log.x);
                 let x = match made == rows {
                     true => out.clone(),
                     false => out.get_item(PySlice::new(py, 0, made as isize, 1))?,
@@ -225,7 +227,7 @@ impl RigidBodyMhe {
             }
             _ => None,
         };
-        let log = Log::new(py, log, (3, p), false, x, clock)?;
+        let log = Log::new(py, log, (states, p), false, x, clock)?;
         signals.outcome(py, log, &format!("{made} of {rows} steps were made"))
     }
 
@@ -278,7 +280,7 @@ impl RigidBodyMhe {
         let core = self.core()?;
         let estimate = core.estimate();
         let clock = clock(&core, core.t().saturating_sub(1));
-        Ok((!estimate.x.is_empty()).then(|| Estimate::new(estimate, 3, core.p(), clock)))
+        Ok((!estimate.x.is_empty()).then(|| Estimate::new(estimate, core.n(), core.p(), clock)))
     }
 
     /// Whether a rigid body explains the recording.
@@ -293,10 +295,10 @@ impl RigidBodyMhe {
         Ok(self.core()?.report().map(|core| RigidBodyReport { core }))
     }
 
-    /// Number of states, 3.
+    /// Number of states, 3 of a body.
     #[getter]
-    fn n(&self) -> usize {
-        3
+    fn n(&self) -> PyResult<usize> {
+        Ok(self.core()?.n())
     }
 
     /// Number of outputs.

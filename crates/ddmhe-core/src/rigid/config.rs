@@ -66,12 +66,7 @@ impl RigidConfig {
     /// Checks the settings and the recording that they are for.
     pub(crate) fn check(&self, history: &History) -> Result<(), Error> {
         let (n, p) = (history.n(), history.p());
-        if n != 3 {
-            return Err(Error::shape("history", "n = 3 states, the rates of a body", n));
-        }
-        if p > OUTPUTS {
-            return Err(Error::shape("history", format!("p = 1 to {OUTPUTS} outputs"), p));
-        }
+        let rates = is_of_rates(history);
         if history.m() > 0 {
             let found = format!("m = {}", history.m());
             return Err(Error::shape("history", "none of known inputs", found));
@@ -79,23 +74,28 @@ impl RigidConfig {
         if history.recordings() > 1 {
             return Err(Error::shape("history", "one recording", history.recordings()));
         }
-        if history.T() < SAMPLES {
+        if rates && history.T() < SAMPLES {
             let expected = format!("at least {SAMPLES} outputs");
             return Err(Error::shape("history", expected, history.T()));
         }
         if !(1..=OPTIMA).contains(&self.optima) {
             return Err(Error::value("optima", format!("1 to {OPTIMA}"), self.optima));
         }
-        if let Some(unit) = history.x_units().iter().find(|unit| !matches!(&unit[..], "" | "rad/s"))
-        {
+        let other = |unit: &&String| !matches!(&unit[..], "" | "rad/s");
+        if let Some(unit) = history.x_units().iter().find(other).filter(|_| rates) {
             return Err(Error::value("history", "rates in rad/s", format!("x_units \"{unit}\"")));
         }
-        check_noise("x_noise", self.x_noise.as_deref(), 3)?;
+        check_noise("x_noise", self.x_noise.as_deref(), n)?;
         check_noise("y_noise", self.y_noise.as_deref(), p)?;
-        check_noise("rate_noise", self.rate_noise.as_deref(), 3)?;
+        check_noise("rate_noise", self.rate_noise.as_deref(), n)?;
         check_noise("output_noise", self.output_noise.as_deref(), p)?;
-        self.x_bounds.as_ref().map_or(Ok(()), |bounds| check_box("x_bounds", bounds, &[3]))
+        self.x_bounds.as_ref().map_or(Ok(()), |bounds| check_box("x_bounds", bounds, &[n]))
     }
+}
+
+/// Whether a recording may be one of a body's three rates and what shows them.
+pub(crate) fn is_of_rates(history: &History) -> bool {
+    history.n() == 3 && history.p() <= OUTPUTS
 }
 
 /// Standard deviations of so many channels, or one for all.

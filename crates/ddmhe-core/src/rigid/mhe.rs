@@ -82,7 +82,8 @@ impl RigidBodyMhe {
     ///
     /// # Errors
     /// [`Error::Shape`], [`Error::Value`] or [`Error::NotFinite`] naming the setting at fault, or for
-    /// a recording of other than three rates in rad/s and one to six outputs; as [`DdMhe::new`].
+    /// a recording of three rates in another unit than rad/s; as [`DdMhe::new`]. A recording of
+    /// other than three states and one to six outputs is no body's: the affine estimator stands in.
     pub fn new(
         history: &History,
         config: RigidConfig,
@@ -91,8 +92,11 @@ impl RigidBodyMhe {
         config.check(history)?;
         let rigid = online(history, &config)?;
         let fallback = match fallback {
-            Some(own) if (own.n(), own.p()) != (3, history.p()) || own.history().m() > 0 => {
-                let expected = format!("a DdMhe of n = 3 and p = {} without inputs", history.p());
+            Some(own)
+                if (own.n(), own.p()) != (history.n(), history.p()) || own.history().m() > 0 =>
+            {
+                let (n, p) = (history.n(), history.p());
+                let expected = format!("a DdMhe of n = {n} and p = {p} without inputs");
                 let found = format!("n = {}, p = {}", own.n(), own.p());
                 return Err(Error::shape("fallback", expected, found));
             }
@@ -127,7 +131,7 @@ impl RigidBodyMhe {
     /// As [`step`](Self::step), of either.
     pub fn step_with_rates(&mut self, y: &[f64], x: &[f64]) -> Result<&Estimate, Error> {
         check_output(y, self.history.p())?;
-        check_rates(x, 1)?;
+        self.check_rates("x", x, 1)?;
         self.advance(y, Some(x))?;
         Ok(&self.estimate)
     }
@@ -159,9 +163,9 @@ impl RigidBodyMhe {
             return Err(Error::shape("Y", format!("a multiple of p = {p} numbers"), ys.len()));
         }
         check_measured("Y", ys, p)?;
-        xs.map_or(Ok(()), |xs| check_rates(xs, ys.len() / p))?;
+        xs.map_or(Ok(()), |xs| self.check_rates("X", xs, ys.len() / p))?;
         let mut log = Log::default();
-        log.reserve(ys.len() / p, (3, p), true);
+        log.reserve(ys.len() / p, (self.n(), p), true);
         let mut interrupt = Interrupt::new(stop);
         for (k, y) in ys.chunks_exact(p).enumerate() {
             if interrupt.stopped() {
@@ -187,6 +191,23 @@ impl RigidBodyMhe {
         self.rigid.restart();
         (self.estimate, self.run) = (Estimate::default(), Judged::NEW);
         Ok(())
+    }
+
+    /// Whether rates of so many samples are finite or not measured.
+    fn check_rates(&self, argument: &'static str, xs: &[f64], count: usize) -> Result<(), Error> {
+        if self.n() != 3 {
+            let expected = "no rates, beside a recording that is not of three";
+            return Err(Error::shape(argument, expected, xs.len()));
+        }
+        if xs.len() != 3 * count {
+            return Err(Error::shape(argument, format!("{} rates", 3 * count), xs.len()));
+        }
+        check_measured(argument, xs, 3)
+    }
+
+    /// Number of states n; 3 of a body.
+    pub fn n(&self) -> usize {
+        self.history.n()
     }
 
     /// Number of outputs p.
@@ -231,7 +252,10 @@ impl RigidBodyMhe {
             let first = report.and_then(|report| report.words.into_iter().next());
             format!(
                 "{}: {rest}",
-                first.unwrap_or_else(|| "no rigid body fits the recording".into())
+                first.unwrap_or_else(|| match self.n() {
+                    3 => "no rigid body fits the recording".into(),
+                    n => format!("a recording of n = {n} states is of no body's three rates"),
+                })
             )
         };
         let mut words = Vec::new();
@@ -278,8 +302,8 @@ impl RigidBodyMhe {
         let fallback = DdMhe::restore(&snapshot.fallback)?;
         let mut own = RigidBodyMhe::new(&snapshot.history, snapshot.config, Some(fallback))?;
         own.rigid.resume(&snapshot.rigid)?;
-        if !snapshot.estimate.fits(3, snapshot.history.p()) {
-            return Err(Error::value("blob", "an estimate of three rates", "one of other sizes"));
+        if !snapshot.estimate.fits(own.n(), own.p()) {
+            return Err(Error::value("blob", "an estimate of its sizes", "one of others"));
         }
         (own.estimate, own.run) = (snapshot.estimate, snapshot.run);
         Ok(own)
@@ -315,12 +339,4 @@ impl RigidBodyMhe {
         }
         Ok(())
     }
-}
-
-/// Whether rates of so many samples are finite or not measured.
-fn check_rates(xs: &[f64], count: usize) -> Result<(), Error> {
-    if xs.len() != 3 * count {
-        return Err(Error::shape("x", format!("{count} times 3 rates"), xs.len()));
-    }
-    check_measured("x", xs, 3)
 }

@@ -6,7 +6,7 @@ use crate::estimate::{Estimate, Evidence, EvidenceKind};
 use crate::history::History;
 use crate::rigid::affine::affine_unknowns;
 use crate::rigid::choice::Choice;
-use crate::rigid::config::{Refits, RigidConfig};
+use crate::rigid::config::{Refits, RigidConfig, is_of_rates};
 use crate::rigid::recording::Recording;
 use crate::rigid::report::Report;
 #[cfg(feature = "serde")]
@@ -77,6 +77,58 @@ struct Run<const P: usize, const N: usize> {
     rates: Vec<[f64; 3]>,
 }
 
+/// What a recording of other than three rates leaves.
+#[derive(Clone, Copy)]
+struct NoBody;
+
+impl Online for NoBody {
+    fn advance(&mut self, _: &[f64], _: Option<&[f64]>, _: &mut Estimate) -> bool {
+        false
+    }
+
+    fn limits(&self) -> Option<Limits> {
+        None
+    }
+
+    fn score(&self) -> f64 {
+        0.0
+    }
+
+    fn refit(&mut self) -> bool {
+        false
+    }
+
+    fn give_up(&mut self) {}
+
+    fn restart(&mut self) {}
+
+    fn is_rigid(&self) -> bool {
+        false
+    }
+
+    fn explained(&self) -> bool {
+        false
+    }
+
+    fn report(&self) -> Option<Report> {
+        None
+    }
+
+    #[cfg(feature = "serde")]
+    fn saved(&self) -> Saved {
+        Saved::default()
+    }
+
+    #[cfg(feature = "serde")]
+    fn resume(&mut self, _: &Saved) -> Result<(), Error> {
+        Ok(())
+    }
+
+    fn copy(&self) -> Box<dyn Online> {
+        Box::new(*self)
+    }
+}
+
 /// A new run.
 ///
 /// # Errors
@@ -87,6 +139,9 @@ pub(crate) fn online(history: &History, config: &RigidConfig) -> Result<Box<dyn 
         config: &RigidConfig,
     ) -> Result<Box<dyn Online>, Error> {
         Ok(Box::new(Run::<P, N>::new::<NA>(history, config)?))
+    }
+    if !is_of_rates(history) {
+        return Ok(Box::new(NoBody));
     }
     match history.p() {
         1 => of::<1, { unknowns(1) }, { affine_unknowns(1) }>(history, config),
