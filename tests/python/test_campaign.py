@@ -123,10 +123,12 @@ def test_a_case_alone_is_what_it_is_among_others():
 
 
 def test_a_failing_case_is_a_row():
-    spec = read_spec(changed(estimators={"DdMhe": {}, "RigidBodyMhe": {}}))
+    spec = read_spec(
+        changed(estimators={"DdMhe": {}, "RigidBodyMhe": {"settings": {"x_noise": [1, 2]}}})
+    )
     done = run_part(spec, spec.parts[0])
     assert [row["outcome"] for row in done.rows] == ["done", "ShapeError"] * 2
-    assert "expected n = 3 states" in done.rows[1]["error"]
+    assert "x_noise: expected" in done.rows[1]["error"]
     assert done.failed == 2
 
 

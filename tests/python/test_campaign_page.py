@@ -17,7 +17,7 @@ SPEC = {
     "batch": 4,
     "systems": {"bench": {"duration": 0.5}},
     "noise": {"low": {"x": 1e-3, "y": 1e-3}},
-    "estimators": {"DdMhe": {}, "ArxKalman": {}, "RigidBodyMhe": {}},
+    "estimators": {"DdMhe": {}, "ArxKalman": {}, "RigidBodyMhe": {"settings": {"x_noise": [1, 2]}}},
     "keep": {"spans": [0.2]},
 }
 
@@ -58,7 +58,7 @@ def test_a_case_again_is_its_row(folder, tmp_path):
     assert "the same as its row, bit for bit" in result.stdout, result.stdout + result.stderr
     assert "Errors against the truth" in (tmp_path / "case.html").read_text()
     failed = in_here("campaign", "replay", folder, 2)
-    assert "expected n = 3 states" in failed.stdout
+    assert "x_noise: expected" in failed.stdout
     assert "bit for bit" in failed.stdout
     assert in_here("campaign", "replay", folder, 36).returncode == 2
     other = kept(tmp_path / "other", SPEC, lambda row: row | {"rmse_all": 1.0})
