@@ -11,7 +11,7 @@ from ddmhe.campaign.data import data_of
 from ddmhe.campaign.work import run_part
 from ddmhe.report.page import markdown_table
 
-CASES = 600
+CASES = 6000
 SPEC = {
     "seeds": CASES,
     "batch": 50,
