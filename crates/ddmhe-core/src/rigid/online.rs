@@ -14,7 +14,7 @@ use crate::rigid::saved::Saved;
 use ddmhe_run::rigid::anchoring::Optima;
 use ddmhe_run::rigid::filter::DISAGREE;
 use ddmhe_run::rigid::layout::{INERTIA, TILT, unknowns};
-use ddmhe_run::rigid::small::inertia;
+use ddmhe_run::rigid::small::{Matrix, Vector, inertia};
 use ddmhe_run::rigid::stepper::last_fit;
 use ddmhe_run::rigid::{Body, Data, Innovation, Limits, Posterior, Refit, Stepper};
 use ddmhe_run::{Reasons, Status};
@@ -259,12 +259,9 @@ impl<const P: usize, const N: usize> Run<P, N> {
     }
 
     /// What the step found.
-    fn tell(&self, said: &Innovation<P>, to: &mut Estimate) {
-        let (Some(stepper), ground) = (&self.stepper, &self.ground) else { return };
-        let (Some(leading), (w, covariance)) = (stepper.leading(), stepper.mixture.mean()) else {
-            return;
-        };
-        let filter = &leading.filter;
+    fn tell(&self, said: &Innovation<P>, (w, covariance): (Vector, Matrix), to: &mut Estimate) {
+        let (leading, ground) = (self.stepper.as_ref().and_then(Stepper::leading), &self.ground);
+        let Some(filter) = leading.map(|leading| &leading.filter) else { return };
         to.x.copy_from_slice(&w);
         to.window.copy_from_slice(&w);
         to.status = if filter.adapts() { Status::Adapting } else { Status::Structured };
@@ -323,10 +320,11 @@ impl<const P: usize, const N: usize> Online for Run<P, N> {
             let data = self.ground.data(&self.later, &self.rates);
             stepper.anchor(&data, self.ground.limits.as_ref());
         }
-        if !foretold || stepper.mixture.mean().0.iter().any(|v| !v.is_finite()) {
+        let now = stepper.mixture.mean();
+        if !foretold || now.0.iter().any(|v| !v.is_finite()) {
             return false;
         }
-        self.tell(&said, estimate);
+        self.tell(&said, now, estimate);
         true
     }
 

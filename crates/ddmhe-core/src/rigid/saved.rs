@@ -2,7 +2,7 @@
 
 use crate::error::Error;
 use crate::rigid::recording::Recording;
-use ddmhe_run::rigid::anchoring::{OPTIMA, STEPS};
+use ddmhe_run::rigid::anchoring::OPTIMA;
 use ddmhe_run::rigid::motion::Steps;
 use ddmhe_run::rigid::stepper::{Work, slice};
 use ddmhe_run::rigid::{Anchoring, Body, Data, Member, Misfit, Mixture, Posterior, Stepper};
@@ -27,9 +27,9 @@ enum SavedWork {
     /// Nothing.
     #[default]
     None,
-    /// Fits: their starts, the number of outputs, their steps at most, how often they were advanced,
-    /// and whether they try the other prior on offsets.
-    Fits(Vec<Vec<f64>>, usize, usize, usize, bool),
+    /// Fits: their starts, the number of outputs, how often they were advanced, and whether they try
+    /// the other prior on offsets.
+    Fits(Vec<Vec<f64>>, usize, usize, bool),
     /// Members on their way to the newest output, and the next output.
     Replay(Vec<Vec<f64>>, usize),
 }
@@ -46,7 +46,7 @@ impl Saved {
             Some(Work::Fits(fits, calls)) => {
                 let starts = fits.starts().map(|(body, z)| [of_body(body), z.to_vec()].concat());
                 let (starts, end) = (starts.collect(), fits.end());
-                SavedWork::Fits(starts, end, fits.steps(), *calls, fits.settles())
+                SavedWork::Fits(starts, end, *calls, fits.settles())
             }
             Some(Work::Replay(mixture, next)) => {
                 SavedWork::Replay(mixture.members().map(of_member).collect(), *next)
@@ -116,13 +116,9 @@ impl Saved {
         let steps = recording.steps();
         stepper.work = match &self.work {
             SavedWork::None => None,
-            SavedWork::Fits(starts, end, most, calls, settles) => {
+            SavedWork::Fits(starts, end, calls, settles) => {
                 let all = data.y.len()..data.y.len() + data.later.len() + 1;
-                if starts.len() > OPTIMA + 1
-                    || !all.contains(end)
-                    || *calls > stepper.t
-                    || *most > STEPS
-                {
+                if starts.len() > OPTIMA + 1 || !all.contains(end) || *calls > stepper.t {
                     return Err(wrong());
                 }
                 let base = stepper.leading().ok_or_else(wrong)?.found.motion;
@@ -133,7 +129,7 @@ impl Saved {
                     read.push((body, from.take().ok_or_else(wrong)?));
                 }
                 let settings = (stepper.size, stepper.known, *settles);
-                let fits = Anchoring::new(read.into_iter(), *end, *most, settings);
+                let fits = Anchoring::new(read.into_iter(), *end, settings);
                 let mut fits = fits.ok_or_else(wrong)?;
                 for _ in 0..*calls {
                     fits.advance(data, slice(P));

@@ -10,7 +10,7 @@ use crate::rigid::posterior::{EULER, Posterior};
 /// Optima that are kept.
 pub const OPTIMA: usize = 4;
 /// Steps of a fit online that goes to its end.
-pub const STEPS: usize = 40;
+const STEPS: usize = 40;
 /// An optimum is kept whose cost exceeds the least by less than this.
 const KEPT: f64 = 30.0;
 /// An offset that is free, relative to the size of the outputs; one that is not, to their noise.
@@ -39,8 +39,6 @@ pub struct Anchoring<const P: usize, const N: usize> {
     found: [Option<Posterior<Body<P, N>, N>>; OPTIMA + 1],
     fit: Fit<Body<P, N>, P, N>,
     stage: Stage,
-    /// Steps of a fit at most.
-    steps: usize,
     /// Root-mean-square size of the recorded outputs.
     size: f64,
     /// Whether the noise was stated, not read off the recording.
@@ -50,22 +48,20 @@ pub struct Anchoring<const P: usize, const N: usize> {
 }
 
 impl<const P: usize, const N: usize> Anchoring<P, N> {
-    /// Of the outputs before number `end`, from up to five starts, each in at most so many steps.
+    /// Of the outputs before number `end`, from up to five starts.
     pub fn new(
         starts: impl Iterator<Item = (Body<P, N>, [f64; N])>,
         end: usize,
-        steps: usize,
         (size, known, settles): (f64, bool, bool),
     ) -> Option<Self> {
         let mut own = [const { None }; OPTIMA + 1];
         own.iter_mut().zip(starts).for_each(|(own, start)| *own = Some(start));
         let (body, z) = own[0]?;
         Some(Anchoring {
-            fit: Fit::new(&body, &z, end, steps),
+            fit: Fit::new(&body, &z, end, STEPS),
             starts: own,
             found: [const { None }; OPTIMA + 1],
             stage: Stage::Starts(0),
-            steps,
             size,
             known,
             settles,
@@ -80,11 +76,6 @@ impl<const P: usize, const N: usize> Anchoring<P, N> {
     /// Whether the other prior on offsets is tried.
     pub fn settles(&self) -> bool {
         self.settles
-    }
-
-    /// Steps of a fit at most.
-    pub fn steps(&self) -> usize {
-        self.steps
     }
 
     /// How many outputs the fits are of.
@@ -173,7 +164,7 @@ impl<const P: usize, const N: usize> Anchoring<P, N> {
     }
 
     fn of(&self, body: &Body<P, N>, z: &[f64; N]) -> Fit<Body<P, N>, P, N> {
-        Fit::new(body, z, self.fit.end(), self.steps)
+        Fit::new(body, z, self.fit.end(), STEPS)
     }
 }
 

@@ -1,6 +1,6 @@
 //! The estimator of a rigid body, sample by sample: the filters, and fits anew beside them.
 
-use crate::rigid::anchoring::{Anchoring, Optima, STEPS};
+use crate::rigid::anchoring::{Anchoring, Optima};
 use crate::rigid::filter::{Innovation, Limits};
 use crate::rigid::mixture::{Member, Mixture};
 use crate::rigid::pass::Data;
@@ -165,20 +165,19 @@ impl<const P: usize, const N: usize> Stepper<P, N> {
     /// motion; whether a rigid body explains them. `data` ends with y(t-1).
     pub fn fit_anew(&mut self, data: &Data<'_, P>) -> bool {
         self.work = None;
-        let Some(mut fits) = self.starts(data, STEPS, true) else { return false };
+        let Some(mut fits) = self.starts(data, true) else { return false };
         while !fits.advance(data, usize::MAX) {}
         let Some(mixture) = self.following(&fits) else { return false };
         self.mixture = mixture;
         true
     }
 
-    /// Fits of all data in so many steps each, from the leading filter and from the latest optimum of
-    /// each motion.
-    fn starts(&self, data: &Data<'_, P>, steps: usize, settles: bool) -> Option<Anchoring<P, N>> {
+    /// Fits of all data, from the leading filter and from the latest optimum of each motion; in
+    /// slices from the latter alone, and of what counts: there is no time for more.
+    fn starts(&self, data: &Data<'_, P>, settles: bool) -> Option<Anchoring<P, N>> {
         let (leading, place) = (self.leading()?, self.mixture.leading());
-        let stale = self.t <= ALTERNATIVES * data.y.len() && self.refit != Some(Refit::Sliced);
-        // in slices there is no time for what hardly counts
         let (counted, all) = (self.mixture.probabilities(), self.refit != Some(Refit::Sliced));
+        let stale = all && self.t <= ALTERNATIVES * data.y.len();
         let others = self.mixture.members().enumerate();
         let others = others.filter(|(k, _)| *k != place && (all || counted[*k] > 0.0));
         let others = others.map(|(_, member)| member.from_optimum());
@@ -186,7 +185,7 @@ impl<const P: usize, const N: usize> Stepper<P, N> {
         let starts =
             core::iter::once(first).chain(stale.then(|| leading.from_optimum())).chain(others);
         let settings = (self.size, self.known, settles);
-        Anchoring::new(starts, data.y.len() + self.t, steps, settings)
+        Anchoring::new(starts, data.y.len() + self.t, settings)
     }
 
     /// What goes on from ended fits; where no body explains the data all filters doubt.
@@ -237,7 +236,7 @@ impl<const P: usize, const N: usize> Stepper<P, N> {
             return;
         }
         let thorough = self.fits % THOROUGH == THOROUGH - 1;
-        let fits = self.starts(data, STEPS, thorough);
+        let fits = self.starts(data, thorough);
         self.work = fits.map(|fits| Work::Fits(fits, 0));
         (self.fits, self.begun) = (self.fits + 1, self.t);
     }
