@@ -11,8 +11,7 @@ import os
 import select
 import signal
 import sys
-from collections.abc import Callable, Iterator
-from dataclasses import asdict, fields
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any, TextIO
 
@@ -21,21 +20,16 @@ import numpy as np
 from ddmhe._core import DdMhe, DdmheError, Estimate
 from ddmhe.checks import check_path, file_words, one_line, reason
 from ddmhe.cli.answer import Answer
+from ddmhe.cli.beginning import beginning
 from ddmhe.cli.telling import in_words_of
 from ddmhe.files import write
-from ddmhe.recordings.csv_log import log_with_table
 from ddmhe.recordings.errors import LogError, Names
-from ddmhe.recordings.log import Log
-from ddmhe.recordings.options import Reading
-from ddmhe.recordings.reading import Recorded, pick, recorded_of
-from ddmhe.recordings.sources import InMemory
-from ddmhe.recordings.stream import RowFormat, Stream
+from ddmhe.recordings.reading import Recorded
+from ddmhe.recordings.stream import Row, Stream
 from ddmhe.report.trust import reason_words
 
 __all__ = ["follow"]
 
-FIRST = 12
-"""Lines from which the habit of a log is told."""
 POLL = 0.1
 """Seconds between looks at a file that may have grown."""
 CHUNK = 1 << 16
@@ -149,7 +143,7 @@ def follow(
     else:
         lines = Lines(log, 0, b"")
         source = iter(lines)
-        begun, stream = _begun(lines, source, given)
+        begun, stream = beginning(lines.path, source, given)
         est = DdMhe(begun.history, **settings(begun.names, begun.goes_on))
         names, time = list(begun.names.state), begun.names.time
         notes = one_line("; ".join(begun.notes))
@@ -164,6 +158,8 @@ def follow(
             _catch_up(begun, est, stream, writer)
         for line in lines if begun is None else source:
             _one(answer, line, lines, est, stream, writer)
+        if not lines.stopped:
+            _step(stream.rest(), est, writer)
     if lines.stopped:
         _store(snapshot, est, stream, lines, names, time)
         print(f"ddmhe: stopped; --resume {snapshot} goes on from here", file=sys.stderr)
@@ -175,61 +171,13 @@ def _opened(out: Path | None, resumed: bool) -> Any:
     return open(out, "a" if resumed else "w", encoding="utf-8", newline="")
 
 
-def _begun(lines: Lines, source: Iterator[str], given: dict[str, Any]) -> tuple[Recorded, Stream]:
-    """The recording at the beginning of a stream, and where the stream goes on."""
-    columns = (given["state"], given["output"], given.get("input") or ())
-    usual: dict[str, Any] = {option.name: option.default for option in fields(Reading)}
-    how = Reading(**{name: given[name] or value for name, value in usual.items()})
-    if how.resample is not None:
-        raise LogError("resample: expected without --follow, found both")
-    parts = [pick(other, columns, how) for other in given["recording"]]
-    head: list[str] = []
-    wanted = FIRST
-    while True:
-        ended = _read_to(head, source, wanted)
-        try:
-            text = "\n".join([*head, ""]).encode()
-            log, table, stamps = log_with_table(InMemory(lines.path, text), columns, how)
-            lacking = _lacking(log, given["history"])
-            if not lacking:
-                recorded = recorded_of(log, parts, given["history"], fill=given["gaps"] == "fill")
-                return recorded, Stream.after(log, table, stamps, how)
-        except LogError:
-            if ended or wanted > FIRST:
-                raise
-            lacking = FIRST
-        if ended:
-            recorded_of(log, parts, given["history"])  # says what is lacking
-        wanted = len(head) + lacking
-
-
-def _read_to(head: list[str], source: Iterator[str], wanted: int) -> bool:
-    """More lines, up to as many as are wanted; whether the stream ended before."""
-    while len(head) < wanted:
-        line = next(source, None)
-        if line is None:
-            return True
-        head.append(line)
-    return False
-
-
-def _lacking(log: Log, history: float | None) -> int:
-    """Rows that a recording of that length still lacks."""
-    if history is None:
-        return 0
-    samples = round(history / log.dt) + 2 - (int(log.samples[-1]) + 1)
-    return max(samples, 0) * log.decimate
-
-
 def _catch_up(begun: Recorded, est: DdMhe, stream: Stream, writer: Writer) -> None:
     """The estimates of what was read beyond the recording."""
     log, first = begun.log, len(begun.log.t) - 1 - len(begun.t)
     for k in range(first, len(log.t)):
         e = est.step(log.y[k], None if log.u is None else log.u[k])
-        assert log.stamps is not None
-        written = log.stamps.rows(slice(k, k + 1)).written[0]
-        plain = written if isinstance(written, str) else np.asarray(written).item()
-        writer.put(stream.format.later(plain, log.dt), e, bool(log.lines[k] > 0))
+        measured = log.lines[k] > 0 and (stream.even is None or bool(np.isfinite(log.y[k]).any()))
+        writer.put(stream.next_time(log, k), e, measured)
 
 
 def _one(
@@ -239,22 +187,20 @@ def _one(
     that is none is told and left out."""
     if not line.strip():
         return
-    before, known = stream.written, stream.u
-    dt = stream.format.dt * stream.decimate
+    held = "" if stream.u is None else ", their inputs taken as before"
     try:
-        lost, row = stream.take(line)
+        lost, rows = stream.take(line)
     except DdmheError as error:
         answer.warn(f"{lines.path}, line {lines.number}: {error}; left out")
         return
     if lost > 0:
-        held = "" if known is None else ", their inputs taken as before"
         answer.warn(f"{lines.path}, line {lines.number}: {lost} samples lost before{held}")
-        for k in range(lost):
-            e = est.step(np.full(est.p, np.nan), known)
-            writer.put(stream.format.later(before, (k + 2) * dt), e, False)
-    if row is not None:
-        e = est.step(row.y, row.u)
-        writer.put(stream.format.later(row.written, dt), e, True)
+    _step(rows, est, writer)
+
+
+def _step(rows: Sequence[Row], est: DdMhe, writer: Writer) -> None:
+    for row in rows:
+        writer.put(row.after, est.step(row.y, row.u), row.measured)
 
 
 def _store(
@@ -262,8 +208,7 @@ def _store(
 ) -> None:
     """All that is needed to go on."""
     state = {
-        "format": asdict(stream.format),
-        "stream": [stream.decimate, stream.t, stream.number, stream.written, stream.u],
+        "stream": stream.plain(),
         "lines": [lines.offset, lines.number],
         "names": names,
         "time": time,
@@ -288,7 +233,7 @@ def _restored(log: Path, path: Path) -> tuple[DdMhe, Stream, Lines, list[str], s
             state = json.loads(stored["state"].tobytes())
             est = DdMhe.restore(stored["estimator"].tobytes())
             tail = stored["tail"].tobytes()
-        stream = Stream(RowFormat(**state["format"]), *state["stream"])
+        stream = Stream.restored(state["stream"])
         lines = Lines(log, state["lines"][0], tail)
         lines.number = state["lines"][1]
         return est, stream, lines, state["names"], state["time"]

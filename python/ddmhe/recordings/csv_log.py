@@ -9,7 +9,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,7 +31,7 @@ from ddmhe.recordings.time_column import time_column, with_joined_time, with_pla
 
 Array = NDArray[np.float64]
 
-__all__ = ["log_of", "log_with_table", "read_log"]
+__all__ = ["Clocked", "clocked", "log_of", "log_of_clocked", "read_log"]
 
 
 def read_log(
@@ -93,15 +93,28 @@ def read_log(
     return log_of(path, (state, output, input), options)
 
 
+class Clocked(NamedTuple):
+    """A table whose rows have their times and are in order."""
+
+    table: Table
+    names: Names
+    stamps: Stamps
+    """Of the rows that are kept."""
+    order: Order
+
+    def values(self, group: Sequence[str], how: Reading) -> Array:
+        """Columns (N, c) as numbers, NaN where not measured."""
+        columns = [self.order.take(column(self.table, c, how.missing)) for c in group]
+        return np.column_stack(columns) if columns else np.empty((len(self.order.rows), 0))
+
+
 def log_of(src: Any, columns: tuple[Any, Any, Any], how: Reading) -> Log:
     """The log of a source: states, outputs and inputs by their names."""
-    return log_with_table(src, columns, how)[0]
+    return log_of_clocked(clocked(src, columns, how), how)
 
 
-def log_with_table(
-    src: Any, columns: tuple[Any, Any, Any], how: Reading
-) -> tuple[Log, Table, Stamps]:
-    """The log, the table that it was made of, and the times of all its rows."""
+def clocked(src: Any, columns: tuple[Any, Any, Any], how: Reading) -> Clocked:
+    """The table of a source, with the times of its rows."""
     for option, group in zip(("state", "output", "input"), columns, strict=True):
         check_texts(option, group)
     state, output, known = (tuple(group) for group in columns)
@@ -116,11 +129,16 @@ def log_with_table(
     if piece is not None:
         table, stamps = piece_of(table, stamps, piece)
     order = ordered(table, stamps, name, how.duplicates, how.sort)
-    stamps = stamps.rows(order.rows)
+    return Clocked(table, replace(names, time=name), stamps.rows(order.rows), order)
+
+
+def log_of_clocked(found: Clocked, how: Reading, size: int | None = None) -> Log:
+    """The log, on even steps if that is asked for, of which `size` are taken."""
+    table, names, stamps, order = found
     if how.resample is not None and len(table) > 1:
-        table, stamps, order = resampled(table, stamps, order, names, how)
+        table, stamps, order = resampled(table, stamps, order, names, how, size)
         how = replace(how, unwrap=(), missing=())
-    return _sampled(table, replace(names, time=name), stamps, order, how), table, stamps
+    return _sampled(table, names, stamps, order, how)
 
 
 def _resolved(table: Table, names: Names) -> list[str]:
@@ -152,6 +170,8 @@ def _sampled(table: Table, names: Names, stamps: Stamps, order: Order, how: Read
     path, t, decimate = table.path, stamps.t, int(how.decimate)
     step = stamps.median_step() if t.size > 1 else math.nan
     samples = samples_of(t) if t.size > 1 else np.zeros(t.size, dtype=np.int64)
+    if how.resample is not None and t.size > 1:  # exact, whatever the times are rounded to
+        step, samples = float(how.resample), np.arange(t.size, dtype=np.int64)
     late = checked_delay(how.delay, names.output)
     by = whole_samples(path, late, step, int(samples[-1])) if late else {}
     first_sample = max(0, -min(by.values(), default=0))

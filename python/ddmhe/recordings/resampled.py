@@ -18,31 +18,52 @@ from ddmhe.recordings.table import Table
 
 Array = NDArray[np.float64]
 
-__all__ = ["resampled"]
+__all__ = ["ON_TIME", "SEEN", "longest_bridge", "resampled", "steps_in"]
 
 BRIDGED = 2.5
 """Between values that are further apart than so many steps, old or new ones, nothing is known."""
 MOST = 50_000_000
 """Samples that fit into memory."""
+SEEN = 50
+"""Steps at the beginning of a log that tell how long its own are: a log that is still being written
+has no others."""
 ON_TIME = 1e-9
 """Share of a step within which a sample is at its time."""
 
 
+def longest_bridge(t: Array, dt: float) -> float:
+    """How far apart, s, two values may be for a line between them, in a log with rows at t (N,)
+    and new steps dt."""
+    return BRIDGED * max(float(np.median(np.diff(t[: SEEN + 1]))), dt)
+
+
+def steps_in(t: Array, dt: float) -> int:
+    """How many even steps rows at t (N,) hold, the one at the first row among them."""
+    return int((t[-1] - t[0]) / dt + ON_TIME) + 1
+
+
 def resampled(
-    table: Table, stamps: Stamps, order: Order, names: Names, how: Reading
+    table: Table,
+    stamps: Stamps,
+    order: Order,
+    names: Names,
+    how: Reading,
+    size: int | None = None,
 ) -> tuple[Table, Stamps, Order]:
     """The columns that are asked for at even steps of `how.resample` seconds from the first row
-    on, with their clock. States and outputs lie on straight lines between measured values, which
-    filters nothing; inputs are held, since they act until they change."""
+    on, with their clock; the first `size` of them, if that is said. States and outputs lie on
+    straight lines between measured values, which filters nothing; inputs are held, since they act
+    until they change."""
     dt, t = float(how.resample or 0.0), stamps.t - stamps.t[0]
-    size = t[-1] / dt
-    if not 2 <= size <= MOST:
+    held = t[-1] / dt
+    if not 2 <= held <= MOST:
         raise LogError(
             f"resample: expected a step of which {table.path} has 2 to {MOST}, its {t[-1]:.6g} s "
-            f"hold {size:.3g} of {dt:g} s"
+            f"hold {held:.3g} of {dt:g} s"
         )
-    grid: Array = np.asarray(dt * np.arange(int(size + ON_TIME) + 1), dtype=np.float64)
-    longest = BRIDGED * max(float(np.median(np.diff(t))), dt)
+    every = np.arange(steps_in(t, dt))[:size]
+    grid: Array = np.asarray(dt * every, dtype=np.float64)
+    longest = longest_bridge(t, dt)
 
     def values(name: str) -> Array:
         found = order.take(column(table, name, how.missing))
@@ -61,8 +82,7 @@ def resampled(
         places=table.places[order.rows][rows],
         units={table.header[k]: unit for k, unit in _units(table, list(columns))},
     )
-    every = np.arange(len(grid))
-    return made, stamps.after(grid), Order(every, None, every, order.notes)
+    return made, stamps.after(dt, every), Order(every, None, every, order.notes)
 
 
 def _units(table: Table, names: Sequence[str]) -> list[tuple[int, str]]:

@@ -11,10 +11,20 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Unclear", "epoch_texts", "first_unread", "is_stamp", "stamp_texts", "written_like"]
+__all__ = [
+    "DAY",
+    "Unclear",
+    "epoch_texts",
+    "first_unread",
+    "is_of_day",
+    "is_stamp",
+    "stamp_texts",
+    "written_like",
+]
 
 SECOND = 10**9
 DAY = 86_400 * SECOND
+"""Nanoseconds."""
 _DATE = r"""(?:(?P<Y>\d{4})[-/.](?P<m>\d{1,2})[-/.](?P<d>\d{1,2})
     |(?P<a>\d{1,2})(?P<mark>[-/.])(?P<b>\d{1,2})[-/.](?P<c>\d{4})
     |(?P<compact>\d{8}(?=[T ]))
@@ -38,6 +48,12 @@ class Unclear(ValueError):
 def is_stamp(text: str) -> bool:
     """Whether a text tells a date or a time of the day."""
     return _STAMP.match(text.strip()) is not None
+
+
+def is_of_day(text: str) -> bool:
+    """Whether a text tells a time of the day, without a date."""
+    match = _STAMP.match(text.strip())
+    return match is not None and match["only_H"] is not None
 
 
 def stamp_texts(texts: Sequence[str]) -> NDArray[np.int64] | None:

@@ -33,7 +33,7 @@ from ddmhe.recordings.time_units import (
 
 Array = NDArray[np.float64]
 
-__all__ = ["Stamps", "counted", "read_stamps"]
+__all__ = ["Stamps", "counted", "in_seconds", "read_stamps"]
 
 SECOND = 10**9
 LONG = 2.0
@@ -61,11 +61,7 @@ class Stamps:
         if self.ns is not None:
             return np.asarray((self.ns - self.since) / SECOND, dtype=np.float64)
         numbers = np.asarray(self.written) - self.since if self.since else np.asarray(self.written)
-        if self.per_second == 1.0:
-            return np.asarray(numbers, dtype=np.float64)
-        if self.per_second < 1.0:
-            return np.asarray(numbers * (1.0 / self.per_second), dtype=np.float64)
-        return np.asarray(numbers / self.per_second, dtype=np.float64)
+        return np.asarray(in_seconds(numbers, self.per_second), dtype=np.float64)
 
     @property
     def unit(self) -> str:
@@ -111,14 +107,14 @@ class Stamps:
             written[row] = text
         return replace(self, written=written, ns=ns)
 
-    def after(self, seconds: Array) -> Stamps:
-        """Times this long after the first row, written as that is: whole numbers where the times
-        are."""
+    def after(self, dt: float, steps: NDArray[np.int64]) -> Stamps:
+        """Times so many steps of dt s after the first row, written as that is: whole numbers where
+        the times and the steps are."""
+        seconds = dt * steps
         if self.ns is None:
             first, later = np.asarray(self.written)[0], seconds * self.per_second
-            whole = np.asarray(self.written).dtype.kind == "i" and np.allclose(
-                later, np.rint(later), rtol=0, atol=1e-6
-            )
+            step = dt * self.per_second
+            whole = np.asarray(self.written).dtype.kind == "i" and abs(step - round(step)) < 1e-9
             written = np.rint(later).astype(np.int64) + first if whole else first + later
             return replace(self, written=written)
         ns = self.ns[0] + np.rint(seconds * SECOND).astype(np.int64)
@@ -126,6 +122,12 @@ class Stamps:
             kind = self.written.dtype.kind
             return replace(self, written=ns.astype(f"{kind}8[ns]"), ns=ns)
         return replace(self, written=[written_like(self.written[0], int(k)) for k in ns], ns=ns)
+
+
+def in_seconds(numbers: Any, per_second: float) -> Any:
+    """Numbers of a unit, or one, in seconds; hours and days by what one of them lasts, a whole
+    number."""
+    return numbers * (1.0 / per_second) if per_second < 1.0 else numbers / per_second
 
 
 def counted(size: int, dt: float) -> Stamps:
