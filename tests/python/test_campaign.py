@@ -13,8 +13,10 @@ import ddmhe
 from commands import OUTPUT, STATE
 from ddmhe.campaign import CampaignError, read_spec
 from ddmhe.campaign.data import data_of
+from ddmhe.campaign.dry import forecast
 from ddmhe.campaign.faults import FAULT, faulty
 from ddmhe.campaign.measures import measured
+from ddmhe.campaign.trial import check_settings_of
 from ddmhe.campaign.work import run_case, run_part
 
 SPEC = {
@@ -86,6 +88,10 @@ WRONG = [
     (changed(estimators={"ArxKalman": {"settings": {"lag": 3}}}), ["ArxKalman.settings", "'lag'"]),
     (changed(estimators={"a b": {"kind": "DdMhe"}}), ["estimators", "letters"]),
     (changed(keep={"traces": [48]}), ["keep.traces", "below 48"]),
+    (changed(keep={"spans": [1.4]}), ["keep.spans", "at most 1.3 s"]),
+    (changed(systems={"satellite": {"inertia": [0, 9]}}), ["systems.satellite.inertia", "above 0"]),
+    (changed(systems={"bench": {"eddy": [-1, 1]}}), ["systems.bench.eddy", "at least 0"]),
+    (changed(faults={"f": {"bias_from": -1}}), ["faults.f.bias_from", "at least 0"]),
     (changed(seeds=0), ["seeds", "at least 1"]),
     (changed(seeds=[1, 1]), ["seeds", "differ"]),
     (changed(systems={"log": {"files": "/nowhere/*.csv", "state": ["x"], "output": ["y"],
@@ -193,6 +199,8 @@ def test_measures_are_those_of_numpy():
     assert row["within_2sd"] == np.mean(np.abs(off) <= [4.0, 2.0])
     assert row["trusted"] == 0.25
     assert json.loads(row["status"]) == {"failed": 1, "optimal": 399}
+    assert np.isnan(measured(log, data, ("a", "b"), {"41s": 41.0}, 8)["rmse_41s"])
+    assert measured(log, data, ("a", "b"), {"40s": 40.0}, 8)["rmse_40s"] == row["rmse_all"]
     log.x[7, 0] = np.nan
     assert measured(log, data, ("a", "b"), {"all": np.inf}, 8)["rmse_all"] == np.inf
 
@@ -227,3 +235,81 @@ def test_what_is_lacking_is_named_with_the_extra(tmp_path):
     found = subprocess.run(command, capture_output=True, text=True)
     assert "pip install 'ddmhe[campaign]'" in found.stderr.splitlines()[-1]
     assert not (tmp_path / "never").exists()
+
+
+OUT_OF_RANGE = [
+    (
+        {"DdMhe": {"settings": {"rho": 3}}},
+        {},
+        "estimators.DdMhe.settings.rho: expected a number in (0, 1), found 3",
+    ),
+    (
+        {"a": {"kind": "DdMhe", "settings": {"horizon": 900}}},
+        {},
+        "estimators.a.settings.horizon: expected 1 to ",
+    ),
+    (
+        {"tuned": {"settings": {"mu": -1}}},
+        {},
+        "estimators.tuned.settings.mu: expected a positive finite number, found -1",
+    ),
+    (
+        {"RigidBodyMhe": {"settings": {"x_noise": -1}}},
+        {},
+        "RigidBodyMhe.settings.x_noise: expected standard dev",
+    ),
+    (
+        {"KoopmanMhe": {"settings": {"rho": 3}}},
+        {},
+        "KoopmanMhe.settings.rho, mu: expected rho in (0, 1)",
+    ),
+    (
+        {"intervals": {"settings": {"kappa": 0.5}}},
+        {},
+        "intervals.settings.kappa: expected a number of at least 1",
+    ),
+    (
+        {"DdMhe": {}},
+        {"noise": {"n": {}, "two": {"x": [1, 2]}}},
+        "noise.two.x: expected a number or 1 of them, found 2",
+    ),
+    (
+        {"DdMhe": {}},
+        {"faults": {"f": {"delay": 900}}},
+        "faults.f.delay: expected at most the 50 samples recorded, found 900",
+    ),
+]
+
+
+@pytest.mark.parametrize(
+    ("estimators", "more", "words"), OUT_OF_RANGE, ids=range(len(OUT_OF_RANGE))
+)
+def test_what_no_case_can_take_is_refused_before_the_run(estimators, more, words, tmp_path):
+    spec = SPEC | {"systems": {"bench": {}}, "estimators": {"good": {"kind": "DdMhe"}} | estimators}
+    with pytest.raises(CampaignError) as raised:
+        ddmhe.campaign.run(spec | more, tmp_path / "never", workers=1)
+    assert words in str(raised.value)
+    assert str(raised.value).endswith(" (systems.bench)")
+    assert not (tmp_path / "never").exists()
+    with pytest.raises(CampaignError):
+        forecast(read_spec(spec | more))
+
+
+def test_what_fails_on_some_recordings_or_for_another_reason_is_a_failing_case(frame, tmp_path):
+    table = {"files": f"{tmp_path}/*.csv", "state": STATE, "output": OUTPUT, "history": 5}
+    coarse, fine = frame[::3], frame
+    estimators = {
+        "DdMhe": {"settings": {"horizon": 20}},
+        "intervals": {"settings": {"kappa": 1.2}},
+    }
+    for logs in ((coarse, fine), (coarse, coarse)):
+        for name, rows in zip("ab", logs, strict=True):
+            rows.to_csv(tmp_path / f"{name}.csv", index=False)
+        spec = read_spec({"systems": {"log": table}, "estimators": estimators})
+        if logs[1] is fine:
+            check_settings_of(spec)
+        else:
+            with pytest.raises(CampaignError, match=r"DdMhe\.settings\.horizon: expected 1 to"):
+                check_settings_of(spec)
+    other = {"RigidBodyMhe": {"settings": {"x_noise": 1e-3}}}  # one rate is not three
+    check_settings_of(read_spec(SPEC | {"systems": {"bench": {}}, "estimators": other}))

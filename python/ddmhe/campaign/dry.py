@@ -12,6 +12,7 @@ import numpy as np
 from ddmhe.campaign.columns import rows_schema
 from ddmhe.campaign.errors import library
 from ddmhe.campaign.spec import Spec
+from ddmhe.campaign.trial import check_settings_of
 from ddmhe.campaign.work import Done, alone, run_scenario
 
 __all__ = ["Forecast", "forecast"]
@@ -38,8 +39,9 @@ class Forecast:
 
 def forecast(spec: Spec) -> Forecast:
     """Run the first scenario of every system with every estimator, three cases at least, and
-    count."""
+    count; CampaignError for settings that no case could take."""
     alone()
+    check_settings_of(spec)
     timed: dict[str, list[Done]] = defaultdict(list)
     first: dict[str, int] = {}
     for part in spec.parts:

@@ -16,12 +16,15 @@ Array = NDArray[np.float64]
 
 __all__ = ["measured"]
 
+NEARLY = 1e-9
+"""Share of a span by which times may be off, multiples of dt as they are."""
+
 
 def measured(
     log: Any, data: Data, states: tuple[str, ...], spans: Mapping[str, float], bins: int
 ) -> dict[str, Any]:
-    """Columns of one run; where the truth is not known, errors are NaN, where an estimate is not
-    finite, infinite."""
+    """Columns of one run. Errors are NaN where the truth is not known or the run is shorter than a
+    span, infinite where an estimate is not finite."""
     x = np.asarray(log.x, dtype=np.float64)
     N = len(x)
     error = _errors(x, data.x[:N])
@@ -29,7 +32,9 @@ def measured(
     nees = _nees(error, _known(log, "covariance"))
     row: dict[str, Any] = {"samples": N, "finite": float(np.mean(np.isfinite(x))) if N else 1.0}
     for name, seconds in spans.items():
-        inside = data.t[:N] <= seconds * (1 + 1e-9)
+        inside = data.t[:N] <= seconds * (1 + NEARLY)
+        if np.isfinite(seconds) and (not N or data.t[-1] < seconds * (1 - NEARLY)):
+            inside[:] = False
         row[f"rmse_{name}"] = _root_mean(square[inside])
         for i, state in enumerate(states):
             row[f"rmse_{state}_{name}"] = _root_mean(error[inside, i] ** 2)

@@ -14,6 +14,7 @@ from ddmhe.campaign.errors import CampaignError, library
 from ddmhe.campaign.opened import Campaign
 from ddmhe.campaign.spec import Part, Spec, read_spec
 from ddmhe.campaign.store import Store
+from ddmhe.campaign.trial import check_settings_of
 from ddmhe.campaign.work import Done, lost_part, run_part
 from ddmhe.checks import check_path, check_whole
 
@@ -74,8 +75,9 @@ def run(
     Raises
     ------
     CampaignError
-        The folder holds a campaign already, or none, or another; no scheduler answers; it was lost
-        on the way. All finished parts are kept, after KeyboardInterrupt too.
+        A key or a setting is wrong; the folder holds a campaign already, or none, or another; no
+        scheduler answers; it was lost on the way. All finished parts are kept, after
+        KeyboardInterrupt too.
     """
     check_path("out", out)
     if workers is not None:
@@ -91,6 +93,7 @@ def run(
         store.repair()
     else:
         assert read is not None
+        check_settings_of(read)
         store = Store.create(Path(out), read)
     left = list(store.parts_left())
     if left:

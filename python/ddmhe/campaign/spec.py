@@ -178,6 +178,13 @@ def _check_together(spec: Spec) -> None:
                     f"noise.{level}: expected no x and y beside systems.{name}, whose recordings "
                     "have their own, found some"
                 )
+    durations = [system.get("duration") or float("inf") for system in spec.systems.values()]
+    late = [seconds for seconds in spec.keep["spans"] if seconds > max(durations)]
+    if late:
+        raise CampaignError(
+            f"keep.spans: expected at most {max(durations):g} s, which is estimated, found "
+            f"{late[0]:g}"
+        )
     beyond = [number for number in spec.keep["traces"] if number >= spec.cases]
     if beyond:
         raise CampaignError(f"keep.traces: expected cases below {spec.cases}, found {beyond[0]}")

@@ -18,6 +18,8 @@ from ddmhe.campaign.tables import (
     one_of,
     positive,
     span,
+    span_above_0,
+    span_from_0,
     text,
     texts,
 )
@@ -126,10 +128,10 @@ SYSTEMS: dict[str, Kind] = {
         _timed(0.1, 20.0, 100.0)
         | {
             "dispersed": Key(flag, True),
-            "inertia": Key(span, [1000.0, 6000.0]),  # principal moments, kg·m²
-            "conductivity": Key(span, [1.5, 7.0]),  # eigenvalues of M_eff, 0.89e5 S·m⁴
-            "field": Key(span, [50e-4, 110e-4]),  # T
-            "rate": Key(span, [2.0, 20.0]),  # at the start, deg/s
+            "inertia": Key(span_above_0, [1000.0, 6000.0]),  # principal moments, kg·m²
+            "conductivity": Key(span_from_0, [1.5, 7.0]),  # eigenvalues of M_eff, 0.89e5 S·m⁴
+            "field": Key(span_from_0, [50e-4, 110e-4]),  # T
+            "rate": Key(span_from_0, [2.0, 20.0]),  # at the start, deg/s
         },
         ("wx", "wy", "wz"),
         _satellite,
@@ -137,8 +139,8 @@ SYSTEMS: dict[str, Kind] = {
     "bench": Kind(
         _timed(0.01, 0.5, 2.5)
         | {
-            "inertia": Key(span, [2.5e-3, 1e-2]),  # kg·m²
-            "eddy": Key(span, [2.5e-3, 1e-2]),  # N·m·s
+            "inertia": Key(span_above_0, [2.5e-3, 1e-2]),  # kg·m²
+            "eddy": Key(span_from_0, [2.5e-3, 1e-2]),  # N·m·s
             "speed": Key(span, [20.0, 40.0]),  # rad/s
         },
         ("speed",),
@@ -147,7 +149,7 @@ SYSTEMS: dict[str, Kind] = {
     "pendulum": Kind(
         _timed(0.065, 6.5, 13.0)
         | {
-            "stiffness": Key(span, [1.0, 1.0]),  # 1/s²
+            "stiffness": Key(span_above_0, [1.0, 1.0]),  # 1/s²
             "angle": Key(span, [0.5, 1.2]),  # rad
             "rate": Key(span, [-0.3, 0.3]),  # rad/s
         },

@@ -18,6 +18,7 @@ __all__ = [
     "REQUIRED",
     "Key",
     "amount",
+    "amount_from_0",
     "check_name",
     "check_tables",
     "check_whole_from",
@@ -27,6 +28,8 @@ __all__ = [
     "share",
     "size",
     "span",
+    "span_above_0",
+    "span_from_0",
     "table",
     "text",
     "texts",
@@ -121,6 +124,26 @@ def span(name: str, value: Any) -> list[float]:
     if value[0] > value[1]:
         raise CampaignError(f"{name}: expected [least, most], found {shown(value)}")
     return [float(v) for v in value]
+
+
+def span_from_0(name: str, value: Any) -> list[float]:
+    """Two numbers of at least 0, the first not above the second."""
+    found = span(name, value)
+    check_number(name, found[0], "two numbers of at least 0", lambda v: v >= 0)
+    return found
+
+
+def span_above_0(name: str, value: Any) -> list[float]:
+    """Two positive numbers, the first not above the second."""
+    found = span(name, value)
+    check_number(name, found[0], "two numbers above 0", lambda v: v > 0)
+    return found
+
+
+def amount_from_0(name: str, value: Any) -> float:
+    """A finite number of at least 0."""
+    check_number(name, value, "a number of at least 0", lambda v: v >= 0)
+    return float(value)
 
 
 def check_whole_from(least: int) -> Check:
