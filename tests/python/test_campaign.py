@@ -313,3 +313,16 @@ def test_what_fails_on_some_recordings_or_for_another_reason_is_a_failing_case(f
                 check_settings_of(spec)
     other = {"RigidBodyMhe": {"settings": {"x_noise": 1e-3}}}  # one rate is not three
     check_settings_of(read_spec(SPEC | {"systems": {"bench": {}}, "estimators": other}))
+
+
+def test_errors_over_time_are_means_of_what_is_known():
+    log, data = _Log(), _Data()
+    data.x = np.zeros((5, 1))
+    data.t = 0.1 * np.arange(1.0, 6)
+    log.x = np.array([[1.0], [7.0], [3.0], [4.0], [np.inf]])
+    data.x[3] = np.nan
+    row = measured(log, data, ("a",), {"all": np.inf}, 3)
+    assert row["error_over_time"] == pytest.approx([5.0, 3.0, np.inf])  # 2, 1 and 2 samples
+    every = measured(log, data, ("a",), {"all": np.inf}, 10)["error_over_time"]
+    assert np.isnan(every).sum() == 6
+    assert np.array(every)[~np.isnan(every)].tolist() == [1.0, 7.0, 3.0, np.inf]

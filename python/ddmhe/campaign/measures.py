@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -114,7 +113,15 @@ def _counts(log: Any, N: int) -> str:
 
 
 def _binned(values: Array, bins: int, root: bool) -> list[float]:
-    """Means over equal pieces of the run."""
+    """Means over equal pieces of the run, of what is known; NaN where nothing is."""
     edges = np.linspace(0, len(values), bins + 1).round().astype(int)
-    means = [_mean(values[a:b]) for a, b in pairwise(edges.tolist())]
-    return np.sqrt(means).tolist() if root else means
+    known = ~np.isnan(values)
+
+    def sums(of: Array) -> Array:
+        found = np.add.reduceat(np.append(of, 0.0), edges[:-1])
+        return np.where(np.diff(edges) > 0, found, 0.0)  # of no samples it is the next one
+
+    with np.errstate(invalid="ignore"):
+        means = sums(np.where(known, values, 0.0)) / sums(known.astype(float))
+    found: list[float] = (np.sqrt(means) if root else means).tolist()
+    return found

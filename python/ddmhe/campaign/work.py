@@ -24,6 +24,8 @@ __all__ = ["DIED", "Done", "alone", "lost_part", "run_case", "run_part", "run_sc
 
 DIED = "WorkerDied"
 """Outcome of a case whose worker died, again and again."""
+VERSION = version("ddmhe")
+"""Found once: it is a file that is looked for and read."""
 LONGEST = 300
 """Characters of an error that a row keeps."""
 
@@ -147,7 +149,7 @@ def _named(spec: Spec, case: Case) -> dict[str, Any]:
         "source": of.source,
         "seed": of.seed,
         "spec_hash": spec.hash,
-        "version": version("ddmhe"),
+        "version": VERSION,
     }
 
 
