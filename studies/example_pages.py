@@ -20,6 +20,29 @@ DATA = Path(os.environ.get("DDMHE_DATA", ROOT / "../shared/data"))
 PAGES = ROOT / "docs" / "reports"
 
 
+CAMPAIGN = """
+name = "satellites"
+seeds = 50
+[systems.satellite]
+integrator = "accurate"
+[noise.usual]
+x = 1e-4
+y = 0.01
+[faults.none]
+[faults.rough]
+missing = 0.05
+spikes = 0.01
+[estimators.DdMhe]
+knows_noise = true
+[estimators.RigidBodyMhe]
+knows_noise = true
+[estimators.filter]
+kind = "ErrorStateKalman"
+[keep]
+spans = [20, 40]
+"""
+
+
 def frame(record: ddmhe.models.Recording, states: str, outputs: str, units: str) -> pd.DataFrame:
     """A recording with named columns, as a logger writes it: a line of units, seven digits."""
     columns = np.hstack([record.t[:, None], record.x, record.y])
@@ -41,12 +64,17 @@ def oscillator() -> pd.DataFrame:
     return pd.DataFrame(columns, columns=["time", "position_m", "speed_m_s", "range_m"])
 
 
+def run(command: str, folder: Path) -> None:
+    """A command of ddmhe as a reader would type it there."""
+    subprocess.run([sys.executable, "-m", "ddmhe", *command.split()], cwd=folder, check=True)
+
+
 def page(command: str, log: pd.DataFrame | None, folder: Path) -> None:
     """Run a command beside its log, so that the page says what a reader would type."""
     words = command.split()
     if log is not None:
         log.to_csv(folder / words[1], index=False)
-    subprocess.run([sys.executable, "-m", "ddmhe", *words], cwd=folder, check=True)
+    run(command, folder)
     made = folder / words[-1]
     (PAGES / made.name).write_bytes(made.read_bytes())
     print(f"{made.name}: {made.stat().st_size / 1e3:.0f} kB")
@@ -98,6 +126,9 @@ def main() -> None:
             oscillator(),
             folder,
         )
+        (folder / "spec.toml").write_text(CAMPAIGN)
+        run("campaign run spec.toml --out satellites", folder)
+        page("campaign report satellites --out campaign.html", None, folder)
         circuit = DATA / "input-logs" / "circuit.csv"
         if circuit.exists():
             page(

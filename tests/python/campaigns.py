@@ -12,10 +12,14 @@ from pathlib import Path
 import psutil
 
 SMALL = """
-seeds = 12
+seeds = 8
 batch = 2
 [systems.bench]
+recorded = 0.3
+duration = 1
 [systems.pendulum]
+recorded = 3.9
+duration = 5.2
 [noise.low]
 x = 1e-4
 y = 1e-3

@@ -187,6 +187,7 @@ def test_measures_are_those_of_numpy():
     data, log = _Data(), _Log()
     data.x = draw.standard_normal((400, 2))
     off = draw.multivariate_normal([0, 0], P, 400)
+    off[[5, 200]] = [6.5, 1.0]  # beyond three deviations, the first within what is trusted
     log.x, log.covariance = data.x + off, np.tile(P, (400, 1, 1))
     log.std, log.status = np.tile([2.0, 1.0], (400, 1)), ["optimal"] * 399 + ["failed"]
     log.trusted = np.arange(400) < 100
@@ -198,6 +199,8 @@ def test_measures_are_those_of_numpy():
     np.testing.assert_allclose(row["nees_over_time"], nees.reshape(8, 50).mean(axis=1))
     assert row["within_2sd"] == np.mean(np.abs(off) <= [4.0, 2.0])
     assert row["trusted"] == 0.25
+    wrong = (np.abs(off[:100]) > [6.0, 3.0]).any(axis=1)
+    assert row["unnoticed"] == wrong.sum() / 400 > 0
     assert json.loads(row["status"]) == {"failed": 1, "optimal": 399}
     assert np.isnan(measured(log, data, ("a", "b"), {"41s": 41.0}, 8)["rmse_41s"])
     assert measured(log, data, ("a", "b"), {"40s": 40.0}, 8)["rmse_40s"] == row["rmse_all"]

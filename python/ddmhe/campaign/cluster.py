@@ -14,7 +14,7 @@ from typing import Any
 from ddmhe.campaign.errors import CampaignError, library
 from ddmhe.checks import reason
 
-__all__ = ["DEATHS", "PATIENCE", "Workers", "workers_at"]
+__all__ = ["PATIENCE", "Workers", "workers_at"]
 
 DEATHS = 3
 """Deaths of a worker on one part after which the part is given up."""
@@ -57,15 +57,17 @@ def workers_at(scheduler: str | None, workers: int | None) -> Iterator[Workers]:
         with _local(distributed, workers) as found:
             yield found
         return
-    try:
-        client = distributed.Client(scheduler, timeout=CONNECT, set_as_default=False)
-    except (OSError, ValueError, distributed.TimeoutError) as e:
-        raise CampaignError(
-            f"scheduler: expected one that answers at {scheduler}, found none ({reason(e)})"
-        ) from e
-    with client:
-        _wait(client)
-        yield Workers(client, None, client.dashboard_link, _words(client))
+    silent = library("distributed.utils").silence_logging_cmgr
+    with silent(logging.CRITICAL):  # of a scheduler that is lost Dask prints what it tried
+        try:
+            client = distributed.Client(scheduler, timeout=CONNECT, set_as_default=False)
+        except (OSError, ValueError, distributed.TimeoutError) as e:
+            raise CampaignError(
+                f"scheduler: expected one that answers at {scheduler}, found none ({reason(e)})"
+            ) from e
+        with client:
+            _wait(client)
+            yield Workers(client, None, client.dashboard_link, _words(client))
 
 
 @contextmanager

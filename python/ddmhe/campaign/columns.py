@@ -11,7 +11,8 @@ __all__ = ["TIMES", "rows_schema", "times_schema"]
 
 NAMED = ("noise", "fault", "source", "source_sha256", "outcome", "error", "status", "settings",
          "spec_hash", "version")  # fmt: skip
-SHARES = ("finite", "within_1sd", "within_2sd", "within_3sd", "inside", "trusted")
+SHARES = ("finite", "within_1sd", "within_2sd", "within_3sd", "inside", "trusted",
+          "unnoticed")  # fmt: skip
 TIMES = ("seconds", "data_seconds")
 """Wall time of a case, s, and its share of the time that its data took."""
 

@@ -38,12 +38,12 @@ def measured(
         for i, state in enumerate(states):
             row[f"rmse_{state}_{name}"] = _root_mean(error[inside, i] ** 2)
         row[f"nees_{name}"] = _mean(nees[inside])
-    std = _known(log, "std")
+    std, trusted = _known(log, "std"), _known(log, "trusted")
     for k in (1, 2, 3):
         row[f"within_{k}sd"] = None if std is None else _share(np.abs(error), k * std)
     row |= _of_bounds(log, data.x[:N])
-    trusted = _known(log, "trusted")
     row["trusted"] = None if trusted is None or not N else float(np.mean(trusted))
+    row["unnoticed"] = None if std is None or not N else _unnoticed(error, std, trusted)
     row["status"] = _counts(log, N)
     row["error_over_time"] = _binned(square, bins, root=True)
     row["nees_over_time"] = _binned(nees, bins, root=False)
@@ -88,6 +88,11 @@ def _share(size: Array, limit: Array) -> float:
     """How often the known ones are within their limits."""
     known = ~np.isnan(size)
     return float(np.mean((size <= limit)[known])) if known.any() else float("nan")
+
+
+def _unnoticed(error: Array, std: Array, trusted: NDArray[np.bool_]) -> float:
+    """How often an estimate is trusted and the error of a state beyond three deviations."""
+    return float(np.mean(trusted & (np.abs(error) > 3 * std).any(axis=1)))
 
 
 def _of_bounds(log: Any, truth: Array) -> dict[str, Any]:

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import json
 import shlex
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -58,10 +60,21 @@ def write_campaign(
     write_page(path, page)
 
 
-def _groups(campaign: Results) -> Iterator[tuple[str, pd.DataFrame]]:
-    """Rows of one system, noise and fault, with their name."""
+@dataclass(frozen=True, eq=False)
+class Group:
+    """Cases that are told of together: of one system, noise and fault."""
+
+    title: str
+    system: Mapping[str, Any]
+    """Its table in the spec."""
+    rows: Mapping[str, pd.DataFrame]
+    """Rows by their estimators, in the order of the spec."""
+
+
+def _groups(campaign: Results) -> Iterator[Group]:
     for names, frame in campaign.rows.groupby(["system", "noise", "fault"], sort=False):
-        yield ", ".join(map(str, names)), frame
+        system = campaign.spec.systems[str(names[0])]
+        yield Group(", ".join(map(str, names)), system, dict(_by_estimator(campaign, frame)))
 
 
 def _by_estimator(campaign: Results, frame: pd.DataFrame) -> Iterator[tuple[str, pd.DataFrame]]:
@@ -108,9 +121,9 @@ def _distributions(campaign: Results) -> Section:
     """Quantiles of errors, as tables and curves."""
     blocks: list[Any] = []
     header = ("estimator", "cases", *(f"{q} %" for q in QUANTILES), "worst")
-    for group, frame in _groups(campaign):
+    for group in _groups(campaign):
         rows, curves = [], []
-        for name, own in _by_estimator(campaign, frame):
+        for name, own in group.rows.items():
             errors = _known(own["rmse_all"])
             if not errors.size:
                 rows.append((name, "0", *[""] * (len(QUANTILES) + 1)))
@@ -118,8 +131,8 @@ def _distributions(campaign: Results) -> Section:
             at = np.percentile(errors, QUANTILES, method="nearest")
             rows.append((name, str(errors.size), *map(number, at), number(errors.max())))
             curves.append((name, np.percentile(errors, PERCENT, method="nearest")))
-        blocks.append(Table(f"Errors: {group}", header, rows))
-        blocks += _side_by_side(group, curves)
+        blocks.append(Table(f"Errors: {group.title}", header, rows))
+        blocks += _side_by_side(group.title, curves)
     return Section("distributions", "Distributions of errors", blocks)
 
 
@@ -133,7 +146,7 @@ def _side_by_side(group: str, curves: list[tuple[str, Array]]) -> Iterator[Chart
     for first in range(0, len(curves), len(LOOKS)):
         some = curves[first : first + len(LOOKS)]
         yield Chart(
-            f"error: {group}",
+            f"Error: {group}",
             "Error over the share of cases that have less: " + "; ".join(
                 f"{name} {number(float(values[50]))} in the median" for name, values in some
             ) + ".",
@@ -147,14 +160,16 @@ def _side_by_side(group: str, curves: list[tuple[str, Array]]) -> Iterator[Chart
 def _over_time(campaign: Results) -> Section:
     """Median and 90 % band of the errors of all cases over time."""
     words = "The line is the median over the cases, the band reaches from 5 to 95 % of them."
-    blocks: list[Any] = [Text(words)]
-    for group, frame in _groups(campaign):
-        system = campaign.spec.systems[str(frame["system"].iloc[0])]
-        for name, own in _by_estimator(campaign, frame):
-            values = _over_bins(own["error_over_time"])
-            if values is not None:
-                blocks.append(_band(f"error of {name}: {group}", values, system))
-    return Section("time", "Errors over time", blocks)
+    charts = (_bands(group, "Error", "error_over_time") for group in _groups(campaign))
+    return Section("time", "Errors over time", [Text(words), *chain.from_iterable(charts)])
+
+
+def _bands(group: Group, what: str, column: str) -> Iterator[Chart]:
+    """A chart an estimator that has such a column."""
+    for name, own in group.rows.items():
+        values = _over_bins(own[column])
+        if values is not None:
+            yield _band(f"{what} of {name}: {group.title}", values, group.system)
 
 
 def _over_bins(column: Any) -> Array | None:
@@ -183,29 +198,36 @@ def _consistency(campaign: Results) -> Section:
     """Whether the stated deviations hold: NEES by span, shares within them."""
     spans = list(campaign.spec.spans)
     header = ("estimator", *(f"NEES, {_span(s)}" for s in spans), "within 1 sd", "2 sd", "3 sd",
-              "trusted", "inside bounds")  # fmt: skip
+              "trusted", "wrong unnoticed", "inside bounds")  # fmt: skip
     blocks: list[Any] = [
         Text(
             "NEES is the squared error in units of the stated covariance, over the number of "
             "states: its mean is 1 where the covariance is right, below where it is cautious, "
-            "above where it says too little. Here the median over the cases; shares are means."
+            "above where it says too little. Here the median over the cases; shares are means. "
+            "Wrong unnoticed: trusted while the error of a state is beyond 3 sd."
         )
     ]
-    for group, frame in _groups(campaign):
+    for group in _groups(campaign):
         rows = []
-        for name, own in _by_estimator(campaign, frame):
+        for name, own in group.rows.items():
             nees = [own[f"nees_{s}"].median() for s in spans]
             shares = [own[c].astype(float).mean() for c in (
-                "within_1sd", "within_2sd", "within_3sd", "trusted", "inside")]  # fmt: skip
+                "within_1sd", "within_2sd", "within_3sd", "trusted", "unnoticed",
+                "inside")]  # fmt: skip
             cells = [percent(v) if v == v else "" for v in shares]
             rows.append((name, *("" if v != v else number(float(v)) for v in nees), *cells))
-        blocks.append(Table(f"Consistency: {group}", header, rows))
-        system = campaign.spec.systems[str(frame["system"].iloc[0])]
-        for name, own in _by_estimator(campaign, frame):
-            values = _over_bins(own["nees_over_time"])
-            if values is not None:
-                blocks.append(_band(f"NEES of {name}: {group}", values, system))
+        blocks += _told(f"Consistency: {group.title}", header, rows)
+        blocks += _bands(group, "NEES", "nees_over_time")
     return Section("consistency", "Consistency", blocks)
+
+
+def _told(caption: str, header: Sequence[str], rows: Sequence[Sequence[str]]) -> Iterator[Table]:
+    """A table without rows and columns in which nothing is said."""
+    rows = [row for row in rows if any(row[1:])]
+    kept = [k for k in range(len(header)) if any(row[k] for row in rows)]
+    if rows:
+        yield Table(caption, [header[0], *(header[k] for k in kept[1:])],
+                    [[row[k] for k in kept] for row in rows])  # fmt: skip
 
 
 def _span(name: str) -> str:

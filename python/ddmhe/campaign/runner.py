@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from ddmhe.campaign.cluster import DEATHS, PATIENCE, Workers, workers_at
+from ddmhe.campaign.cluster import PATIENCE, Workers, workers_at
 from ddmhe.campaign.errors import CampaignError, library
 from ddmhe.campaign.opened import Campaign
 from ddmhe.campaign.spec import Part, Spec, read_spec
@@ -151,17 +152,31 @@ def _results(spec: Spec, left: list[Part], workers: Workers) -> Iterator[Done]:
             wanted = version("ddmhe")
             running[workers.client.submit(_part, spec, part, wanted, key=key, pure=False)] = part
 
-    hand_out()
+    with _lost_or_not(distributed):
+        hand_out()
     while running:
-        try:
-            with workers.client.as_current():
-                ready = distributed.wait(list(running), LOOK, "FIRST_COMPLETED").done
-        except distributed.TimeoutError:
-            ready = set()
-        ended = [(running.pop(future), future) for future in ready]
-        results = [_result(spec, part, future) for part, future in ended]
-        hand_out()  # before the files are written: workers are not to wait for the disk
+        with _lost_or_not(distributed):
+            try:
+                with workers.client.as_current():
+                    ready = distributed.wait(list(running), LOOK, "FIRST_COMPLETED").done
+            except distributed.TimeoutError:
+                ready = set()
+            ended = [(running.pop(future), future) for future in ready]
+            results = [_result(spec, part, future) for part, future in ended]
+            hand_out()  # before the files are written: workers are not to wait for the disk
         yield from results
+
+
+@contextmanager
+def _lost_or_not(distributed: Any) -> Iterator[None]:
+    """CampaignError where what Dask raises means that the scheduler is gone."""
+    try:
+        yield
+    except (distributed.CancelledError, distributed.TimeoutError, OSError) as e:
+        raise CampaignError(
+            "scheduler: expected one that stays, found that it was lost; finished parts are kept, "
+            "--resume goes on"
+        ) from e
 
 
 def _part(spec: Spec, part: Part, wanted: str) -> Done:
@@ -177,10 +192,5 @@ def _result(spec: Spec, part: Part, future: Any) -> Done:
     try:
         result: Done = future.result()
         return result
-    except distributed.KilledWorker:
-        return lost_part(spec, part, f"the worker died {DEATHS} times on this part")
-    except (distributed.CancelledError, OSError) as e:
-        raise CampaignError(
-            "scheduler: expected one that stays, found that it was lost; finished parts are kept, "
-            "--resume goes on"
-        ) from e
+    except distributed.KilledWorker as e:
+        return lost_part(spec, part, f"the worker died {e.allowed_failures + 1} times on this part")

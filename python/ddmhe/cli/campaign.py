@@ -198,7 +198,15 @@ def _replay(answer: Answer, folder: Path, case: int, page: Path | None) -> None:
     row = found.row
     answer.say(f"case {case}: {row['estimator']} on {row['system']}, noise {row['noise']}, fault "
                f"{row['fault']}, seed {row['seed']}: {row['outcome']} {row['error']}")  # fmt: skip
-    for name in ("rmse_all", "nees_all", "within_3sd", "trusted", "status", "settings"):
+    for name in (
+        "rmse_all",
+        "nees_all",
+        "within_3sd",
+        "trusted",
+        "unnoticed",
+        "status",
+        "settings",
+    ):
         if row.get(name) is not None:
             answer.say(f"{name}: {row[name]}")
     if found.differs is None:
