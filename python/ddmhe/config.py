@@ -141,8 +141,9 @@ def setting(key: str, value: Any) -> Any:
             check_number(key, number, "seconds, or seconds by column", lambda _: True)
         return value
     if key == "missing":
-        for number in check_kind(key, value, list, "a list of finite numbers"):
-            check_number(key, number, "a list of finite numbers", lambda _: True)
+        for one in check_kind(key, value, list, "a list of finite numbers and words"):
+            if not isinstance(one, str) or not one.strip():
+                check_number(key, one, "a list of finite numbers and words", lambda _: True)
         return value
     if key == "space":
         value = _space(value)

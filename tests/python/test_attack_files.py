@@ -253,7 +253,7 @@ def test_paths_are_told_in_one_line(name):
     [
         {"NAME": 1}, {"horizon": "NAME"}, {"space": "NAME"}, {"space": {"kind": "NAME"}},
         {"space": {"kind": "ridge", "weight": "NAME"}}, {"space": {"kind": "ridge", "NAME": 1}},
-        {"certificate": "NAME"}, {"certificate": {"NAME": 1}}, {"missing": ["NAME"]},
+        {"certificate": "NAME"}, {"certificate": {"NAME": 1}}, {"missing": [["NAME"]]},
         {"certificate": {"eta": 0.9, "P": [["NAME"]], "Q": [[1.0]], "R": [[1.0]]}},
         {"x_bounds": [["NAME"], [1.0]]}, {"NAME": {"NAME": "NAME"}},
     ],

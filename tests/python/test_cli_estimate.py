@@ -179,12 +179,12 @@ def test_numbers_that_say_not_measured(frame, tmp_path):
     assert "--missing -9999" in result.stderr
 
 
-@pytest.mark.parametrize("wrong", ["x", "", "1,,2", "nan", "1e999"])
+@pytest.mark.parametrize("wrong", ["", "x, ", "1,,2", "nan", "1e999"])
 def test_wrong_missing_option(log, wrong):
     result = in_here("estimate", log, *COLUMNS, "--history", 20, "--missing", wrong)
     assert result.returncode == 2
     assert re.fullmatch(
-        r"ddmhe: error: .*--missing.*expected finite numbers [^\n]+\n", result.stderr
+        r"ddmhe: error: .*--missing.*expected finite numbers or words [^\n]+\n", result.stderr
     ), result.stderr
 
 

@@ -345,7 +345,7 @@ def test_numbers_and_words_that_say_not_measured(tmp_path):
 
 
 @pytest.mark.parametrize(
-    "wrong", [["x"], "x", [None], [float("nan")], [float("inf")], [True], [10**400], None, {1: 2}]
+    "wrong", [[""], " ", [None], [float("nan")], [float("inf")], [True], [10**400], None, {1: 2}]
 )
 def test_wrong_missing_numbers(path, wrong):
     with pytest.raises(LogError, match="missing: expected"):

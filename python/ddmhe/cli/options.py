@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ddmhe.checks import shown
-from ddmhe.cli.values import numbers, parsed
+from ddmhe.cli.values import parsed, stand_ins
 from ddmhe.files import check_writable
 from ddmhe.recordings.order import DUPLICATES
 
@@ -120,9 +120,9 @@ _HOW_TO_READ: list[Callable[[Any], Any]] = [
     click.option("--encoding", metavar="NAME", help="Like latin-1.  [default: seen]"),
     click.option(
         "--missing",
-        callback=numbers,
+        callback=stand_ins,
         metavar="V1,V2,...",
-        help="Numbers that say not measured, like -9999.",
+        help="Numbers and words that say not measured, like -9999.",
     ),
     click.option(
         "--unwrap",

@@ -13,7 +13,16 @@ from ddmhe.checks import shown
 
 Array = NDArray[np.float64]
 
-__all__ = ["bounds", "equilibrium", "matrix", "numbers", "one_or_each", "price", "resolved"]
+__all__ = [
+    "bounds",
+    "equilibrium",
+    "matrix",
+    "numbers",
+    "one_or_each",
+    "price",
+    "resolved",
+    "stand_ins",
+]
 
 Interval = tuple[float, float]
 
@@ -38,6 +47,27 @@ def numbers(
             f"expected finite numbers separated by commas, found {shown(value)}"
         )
     return found
+
+
+def stand_ins(
+    ctx: click.Context, param: click.Parameter, value: str | None
+) -> tuple[float | str, ...] | None:
+    """Finite numbers and words from a comma-separated list."""
+    if value is None:
+        return None
+    found: list[float | str] = []
+    for part in value.split(","):
+        try:
+            number = float(part)
+        except ValueError:
+            found.append(part.strip())
+            continue
+        found.append(number if np.isfinite(number) else "")
+    if "" in found:
+        raise click.BadParameter(
+            f"expected finite numbers or words separated by commas, found {shown(value)}"
+        )
+    return tuple(found)
 
 
 def one_or_each(

@@ -15,6 +15,7 @@ from ddmhe.recordings.errors import LogError
 from ddmhe.recordings.table import Cells, Table
 
 __all__ = [
+    "DEEPEST",
     "array_table",
     "flattened",
     "frame_table",
@@ -115,6 +116,11 @@ def flattened(tree: Mapping[Any, Any], above: str = "", deep: int = 0) -> dict[s
             if deep < DEEPEST:
                 found |= flattened(value, f"{name}.", deep + 1)
             continue
+        groups = _groups(value)
+        if groups is not None:
+            if deep < DEEPEST:
+                found |= flattened(groups, name, deep + 1)
+            continue
         array = np.asarray(value)
         if array.dtype.names is not None:
             found |= flattened({n: array[n] for n in array.dtype.names}, f"{name}.", deep + 1)
@@ -123,6 +129,41 @@ def flattened(tree: Mapping[Any, Any], above: str = "", deep: int = 0) -> dict[s
         elif array.ndim in (1, 2):
             found[name] = array
     return found
+
+
+def _groups(value: Any) -> dict[str, Any] | None:
+    """An array of structures: what is one number in each is a column, the rest stays a group for
+    each of them, `[0].name`; None for what is no such array."""
+    listed = isinstance(value, list) or (isinstance(value, np.ndarray) and value.dtype == object)
+    entries = list(np.ravel(np.asarray(value, dtype=object))) if listed and len(value) else []
+    if not entries or not all(isinstance(entry, Mapping) for entry in entries):
+        return None
+    keys = [key for key in entries[0] if all(key in entry for entry in entries)]
+    single = [k for k in keys if all(np.size(entry[k]) == 1 for entry in entries)]
+    if single and len(single) == len(keys):
+        return {f".{k}": np.array([np.ravel(entry[k])[0] for entry in entries]) for k in keys}
+    return {f"[{number}]": entry for number, entry in enumerate(entries)}
+
+
+def _trajectory(arrays: Mapping[str, Any]) -> dict[str, NDArray[Any]] | None:
+    """Results of OpenModelica and Dymola, "Atrajectory": texts in `name`, and in `dataInfo` which
+    row of which matrix each variable is, with its sign; None for other files."""
+    if not {"name", "dataInfo", "data_2"} <= set(arrays):
+        return None
+    info = np.atleast_2d(np.asarray(arrays["dataInfo"], dtype=np.int64))
+    names = [str(name) for name in np.atleast_1d(arrays["name"])]
+    if "binNormal" in map(str.strip, map(str, np.atleast_1d(arrays.get("Aclass", "")))):
+        info = info.T
+        arrays = {k: v.T if k.startswith("data_") else v for k, v in arrays.items()}
+    else:  # letters of one name below each other
+        letters = [row.ljust(info.shape[1]) for row in names]
+        names = ["".join(column) for column in zip(*letters, strict=True)]
+    found = {}
+    for name, (matrix, row, *_) in zip(names, info.T.tolist(), strict=False):
+        values = np.asarray(arrays.get(f"data_{matrix or 2}", np.empty((0, 0))), dtype=float)
+        if 0 < abs(row) <= len(values) and matrix != 1:
+            found[name.strip()] = np.sign(row) * values[abs(row) - 1]
+    return found or None
 
 
 def array_table(
@@ -201,7 +242,10 @@ def mat_table(path: str, source: Path | IO[bytes], asked: Sequence[str]) -> Tabl
     except Exception as e:  # the reader raises whatever a damaged file makes it stumble over
         raise LogError(f"{path}: expected a whole MAT file, found another ({reason(e)})") from e
     arrays = {k: v for k, v in stored.items() if not k.startswith("__")}
-    structures = [v for v in arrays.values() if isinstance(v, Mapping)]
+    trajectory = _trajectory(arrays)
+    if trajectory is not None:
+        return array_table(path, trajectory, asked)
+    structures = [v for v in arrays.values() if isinstance(v, Mapping) or _groups(v) is not None]
     if arrays and not structures and all(np.asarray(v).dtype.kind == "O" for v in arrays.values()):
         raise LogError(
             f"{path}: expected variables with numbers, found objects of MATLAB; of a table T, "

@@ -1,7 +1,7 @@
 """Cells to numbers.
 
 An empty cell, NaN, NA, n/a, null, none and their like mean "not measured", and so do the numbers
-that `missing` names. Numbers are read to the nearest float64."""
+and words that `missing` names. Numbers are read to the nearest float64."""
 
 from __future__ import annotations
 
@@ -19,17 +19,35 @@ from ddmhe.recordings.table import Cells, Table
 
 Array = NDArray[np.float64]
 
-__all__ = ["check_columns", "column", "number", "says_nothing"]
+__all__ = ["check_columns", "column", "is_number", "number", "says_nothing"]
 
 _NOT_MEASURED = frozenset(
     """nan +nan -nan nan(ind) -nan(ind) #nan 1.#qnan 1.#ind -1.#ind na n/a n.a. n.a #n/a #na
-    <na> null nil none nat missing - -- --- ? #value! #num! #div/0!""".split()  # noqa: SIM905
+    <na> \\n null nil none nat missing - -- --- . ? #value! #num! #div/0!""".split()  # noqa: SIM905
 ) | {""}
+
+
+_DRAWN = set("-.:*")
+"""Characters of cells that a display leaves without a number, like --.-- and ****."""
+LONGEST_WORD = 20
+"""Characters of a word that may say "not measured"."""
+MARKS = "'\N{RIGHT SINGLE QUOTATION MARK}\N{NO-BREAK SPACE}\N{NARROW NO-BREAK SPACE}\N{THIN SPACE}"
+"""Marks between groups of three digits that can be nothing else."""
+_NUMBER = re.compile(
+    rf"[+-]?(\d{{1,3}}([{MARKS}]\d{{3}})+([.,]\d*)?|\d+([.,]\d*)?|[.,]\d+)([eEdD][+-]?\d+)?\Z"
+)
+_GROUPED = re.compile(rf"[+-]?\d{{1,3}}([{MARKS}]\d{{3}})+(?!\d)")
+
+
+def is_number(cell: str) -> bool:
+    """Whether a cell is a number in any habit."""
+    return _NUMBER.match(cell) is not None
 
 
 def says_nothing(cell: str) -> bool:
     """Whether a cell says "not measured"."""
-    return cell.strip().lower() in _NOT_MEASURED
+    text = cell.strip()
+    return text.lower() in _NOT_MEASURED or set(text) <= _DRAWN
 
 
 def check_columns(table: Table, asked: Names) -> None:
@@ -46,9 +64,13 @@ def check_columns(table: Table, asked: Names) -> None:
                 )
 
 
-def column(table: Table, name: str, missing: Sequence[float] = ()) -> Array:
-    """One column as numbers (N,), NaN where the cell says that nothing was measured."""
+def column(table: Table, name: str, missing: Sequence[float | str] = ()) -> Array:
+    """One column as numbers (N,), NaN where the cell says that nothing was measured, as the numbers
+    and words of `missing` do, too."""
     cells = table.column(name)
+    words = {one.lower() for one in missing if isinstance(one, str)}
+    if words and not (isinstance(cells, np.ndarray) and cells.dtype.kind in "fiub"):
+        cells = ["" if str(cell).strip().lower() in words else str(cell) for cell in cells]
     values = _of_array(table, name, cells) if isinstance(cells, np.ndarray) else None
     if values is None:
         values = _of_texts(table, name, cells)
@@ -56,15 +78,16 @@ def column(table: Table, name: str, missing: Sequence[float] = ()) -> Array:
     if wrong.any():
         row = int(np.argmax(wrong))
         raise _wrong(table, name, row, cells[row])
-    return np.where(np.isin(values, missing), np.nan, values) if len(missing) else values
+    numbers = [one for one in missing if not isinstance(one, str)]
+    return np.where(np.isin(values, numbers), np.nan, values) if numbers else values
 
 
-def words_for_nothing(table: Table, name: str) -> dict[str, int]:
+def words_for_nothing(table: Table, name: str, missing: Sequence[float | str]) -> dict[str, int]:
     """How often which words, other than nothing and NaN, say "not measured" in a column."""
     cells = table.column(name)
     if isinstance(cells, np.ndarray) and cells.dtype.kind in "fiub":
         return {}
-    unknown = np.flatnonzero(np.isnan(column(table, name))).tolist()
+    unknown = np.flatnonzero(np.isnan(column(table, name, missing))).tolist()
     texts = (str(cells[k]).strip() for k in unknown)
     return dict(Counter(text for text in texts if text.lower() not in ("", "nan", "none")))
 
@@ -111,6 +134,9 @@ def number(text: str, decimal: str = ".", grouped: bool = False) -> float | None
             return None
         text = text.replace(",", ".")
     text = text.replace("\N{MINUS SIGN}", "-")
+    groups = _GROUPED.match(text)
+    if groups is not None:
+        text = re.sub(f"[{MARKS}]", "", groups[0]) + text[groups.end() :]
     fortran = re.fullmatch(r"([+-]?[\d.]+)[dD]([+-]?\d+)", text)
     try:
         return None if "_" in text else float(f"{fortran[1]}e{fortran[2]}" if fortran else text)
@@ -118,8 +144,15 @@ def number(text: str, decimal: str = ".", grouped: bool = False) -> float | None
         return None
 
 
+def _is_word(text: str) -> bool:
+    plain = re.fullmatch(r"[^\s\d,;=-][^\s,;=]*", text) is not None and text.isprintable()
+    return plain and len(text) <= LONGEST_WORD and not np.isinf(number(text) or 0.0)
+
+
 def _wrong(table: Table, name: str, row: int, cell: Any) -> LogError:
     hint = "; an empty cell says not measured"
+    if isinstance(cell, str) and _is_word(cell.strip()):
+        hint += f", with --missing {cell.strip()} this word does"
     if isinstance(cell, str) and re.fullmatch(r"[+-]?\d+,\d+", cell):
         hint = "; --decimal , reads a decimal comma"
     return LogError(

@@ -19,15 +19,18 @@ from ddmhe.recordings.cells import check_columns, column, words_for_nothing
 from ddmhe.recordings.clock import first_row, jitter, nominal_step, samples_of, start_of
 from ddmhe.recordings.delays import checked_delay, moved_back, whole_samples
 from ddmhe.recordings.errors import LogError, Names
+from ddmhe.recordings.joined_time import with_joined_time
 from ddmhe.recordings.log import Gap, Log
+from ddmhe.recordings.long_form import with_wide_form
 from ddmhe.recordings.oddities import unwrapped
 from ddmhe.recordings.options import Reading, check_texts
 from ddmhe.recordings.order import Order, ordered, piece_of
+from ddmhe.recordings.plain_cells import with_plain_clock, with_plain_durations
 from ddmhe.recordings.resampled import resampled
 from ddmhe.recordings.sources import piece_in, table_of
 from ddmhe.recordings.stamps import Stamps, counted, read_stamps
 from ddmhe.recordings.table import Table
-from ddmhe.recordings.time_column import time_column, with_joined_time, with_plain_durations
+from ddmhe.recordings.time_column import time_column
 
 Array = NDArray[np.float64]
 
@@ -43,7 +46,7 @@ def read_log(
     decimate: int = 1,
     *,
     input: Sequence[str] = (),
-    missing: Sequence[float] = (),
+    missing: Sequence[float | str] = (),
     unwrap: Sequence[str] = (),
     delay: float | Mapping[str, float] = 0.0,
     **how: Any,
@@ -70,7 +73,7 @@ def read_log(
         Names of the columns of known inputs (m); `Log.split` wants a number at every sample of
         them.
     missing
-        Numbers that stand for "not measured" in these columns, like -9999.
+        Numbers and words that stand for "not measured" in these columns, like -9999.
     unwrap
         Columns of angles within one turn (2 pi or 360) to be made continuous.
     delay
@@ -121,6 +124,7 @@ def clocked(src: Any, columns: tuple[Any, Any, Any], how: Reading) -> Clocked:
     asked = (*output, *state, *known)  # outputs first: their stamps count where topics differ
     src, piece = piece_in(src)
     table = table_of(src, asked if how.time is None else (*asked, how.time), how)
+    table = with_wide_form(table, asked, how.time)
     names = Names("", *(table.joined(group) for group in (state, output, known)))
     check_columns(table, names)  # before a clock that is not found is spoken of
     _check_unwrap(how.unwrap, names)
@@ -158,7 +162,12 @@ def _clocked(table: Table, asked: Names, how: Reading) -> tuple[Table, Stamps, s
         return table.noted(f"rows {how.dt:g} s apart"), counted(len(table), float(how.dt)), name
     table = with_plain_durations(table)
     if how.time is None:
-        table = with_joined_time(table)
+        every = (*asked.state, *asked.output, *asked.input)
+        table = with_joined_time(
+            table, [table.header[k] for k in map(table.index, every) if k is not None]
+        )
+    if how.time_unit is None:
+        table = with_plain_clock(table, how.time)
     name, known = time_column(table, asked, how.time)
     stamps, unit = read_stamps(table, name, how.time_unit)
     words = " ".join(part for part in (known, repr(name), unit) if part)
@@ -202,15 +211,16 @@ def _sampled(table: Table, names: Names, stamps: Stamps, order: Order, how: Read
     return Log(
         path, names, t[kept], x, y, dt, lines[kept], numbered,
         _gaps(t, samples, lines, int(kept[0])), decimate, units, u, y_lines, late,
-        stamps.rows(kept), (*notes, *_of_words(table, list(every))), table.place, table.digest,
+        stamps.rows(kept), (*notes, *_of_words(table, list(every), how.missing)), table.place,
+        table.digest,
     )  # fmt: skip
 
 
-def _of_words(table: Table, names: Sequence[str]) -> list[str]:
+def _of_words(table: Table, names: Sequence[str], missing: Sequence[float | str]) -> list[str]:
     """What is said of words that mean "not measured"."""
     words: dict[str, int] = {}
     for name in names:
-        for text, count in words_for_nothing(table, name).items():
+        for text, count in words_for_nothing(table, name, missing).items():
             words[text] = words.get(text, 0) + count
     told = ", ".join(f"{shown(text)} ({count})" for text, count in words.items())
     return [f"taken as not measured: {told}"] if words else []

@@ -12,10 +12,12 @@ from collections.abc import Iterable, Iterator, Sequence
 from typing import NamedTuple
 
 from ddmhe.checks import shown
+from ddmhe.recordings.cells import is_number
 from ddmhe.recordings.errors import LogError
+from ddmhe.recordings.stamp_texts import is_stamp
 from ddmhe.recordings.text import Lines
 
-__all__ = ["Habit", "cells_of", "decimal_of", "habit_of", "is_number"]
+__all__ = ["Habit", "cells_of", "decimal_of", "habit_of", "without_brackets"]
 
 SEPARATORS = (",", ";", "\t", "|", " ")
 NAMES = {",": "','", ";": "';'", "\t": "tab", "|": "'|'", " ": "spaces"}
@@ -23,7 +25,6 @@ FIRST = 200
 """Lines among which a header is looked for."""
 BODY = 50
 """Lines by whose cells a separator is judged."""
-_NUMBER = re.compile(r"[+-]?(\d+([.,]\d*)?|[.,]\d+)([eEdD][+-]?\d+)?\Z")
 _GROUPS = re.compile(r"[+-]?[1-9]\d{0,2}(?:([.,])\d{3})(?:\1\d{3})*\Z")
 """A whole number in groups of three digits, which is a fraction in another habit."""
 _BOTH = re.compile(r"[+-]?\d.*(,.*\.|\..*,)")
@@ -40,11 +41,8 @@ class Habit(NamedTuple):
     """Whether the header stands in a comment."""
     sniffed: bool = False
     """Whether the separator was not named."""
-
-
-def is_number(cell: str) -> bool:
-    """Whether a cell is a number in any habit."""
-    return _NUMBER.match(cell) is not None
+    begin: int = 0
+    """Index of the first line of a table without a header."""
 
 
 def cells_of(rows: Iterable[str], sep: str) -> Iterator[tuple[int, list[str]]]:
@@ -76,7 +74,19 @@ def habit_of(path: str, lines: Lines, sep: str | None, asked: Sequence[str]) -> 
     for one, k in found.items():
         return Habit(one, k, k in lines.comments, sep is None)
     best = _by_numbers(lines, seps) or seps[0]
-    return Habit(best, _first_of_its_width(lines, best), False, sep is None)
+    begin, header = _first_of_its_width(lines, best)
+    if header is not None and _by_place(_cells(lines.rows[header], best), asked):
+        header = None
+    return Habit(best, header, False, sep is None, begin)
+
+
+def _by_place(cells: Sequence[str], asked: Sequence[str]) -> bool:
+    """Whether columns are asked for by their places, from 1, and the first line has numbers
+    there: then it is no header, whatever stands beside them."""
+    places = [int(name) for name in asked if name.isascii() and name.isdigit()]
+    if not places or len(places) < len(asked) or not 1 <= min(places) <= max(places) <= len(cells):
+        return False
+    return all(is_number(c) or is_stamp(c) for c in (cells[place - 1] for place in places))
 
 
 def _stated(sep: str) -> str:
@@ -91,20 +101,28 @@ def _stated(sep: str) -> str:
 
 def _header(lines: Lines, sep: str, asked: Sequence[str]) -> int | None:
     """The last line above the samples that has all columns asked for as cells."""
-    wanted, found = set(asked), None
+    wanted, found = {re.sub(r"\[\d+\]\Z", "", name) for name in asked}, None
+    exact = set(asked)
     for k, row in enumerate(lines.rows[:FIRST]):
         line = lines.comments.get(k, row)
         cells = _cells(line, sep)
         quoted = [cell for cell in cells if "," in cell and '"' in line and len(cells) > 1]
         parts = [part.strip() for cell in quoted for part in cell.split(",")]
-        if wanted <= {*cells, *parts}:
+        if exact <= {*cells, *parts} or wanted <= {*cells, *parts}:
             found = k
         elif found is not None and any(map(is_number, cells)) and k not in lines.comments:
             break
     return found
 
 
+def without_brackets(line: str) -> str:
+    """A line of quoted names without the brackets around all of them."""
+    bare = line.strip()
+    return bare[1:-1] if bare.startswith('("') and bare.endswith('")') else line
+
+
 def _cells(line: str, sep: str) -> list[str]:
+    line = without_brackets(line)
     try:
         return [cell.strip() for cell in next(cells_of([line], sep), (0, []))[1]]
     except csv.Error:
@@ -124,25 +142,28 @@ def _by_numbers(lines: Lines, seps: Sequence[str]) -> str | None:
         regular = width[0][1] / len(rows)
         return regular * sum(map(is_number, cells)) / len(cells)
 
+    if any("\t" in row.strip() for row in body):
+        seps = [sep for sep in seps if sep != " " or len(seps) == 1]  # tabs count as blanks, too
     scores = sorted(((score(sep), sep) for sep in seps), key=lambda pair: -pair[0])
     if not scores[0][0] or (len(scores) > 1 and scores[0][0] - scores[1][0] < 0.01):
         return None
     return scores[0][1]
 
 
-def _first_of_its_width(lines: Lines, sep: str) -> int | None:
-    """The line that opens the table, by how many cells it has; None if that one holds numbers."""
+def _first_of_its_width(lines: Lines, sep: str) -> tuple[int, int | None]:
+    """The line that opens the table, by how many cells it has, and its header: that line, or None
+    if it holds numbers."""
     widths = [(k, _cells(row, sep)) for k, row in enumerate(lines.rows[:FIRST]) if row.strip()]
     if not widths:
-        return None
+        return 0, None
     usual = Counter(len(cells) for _, cells in widths).most_common(1)[0][0]
     at, cells = next((k, cells) for k, cells in widths if len(cells) == usual)
     commented = [k for k, line in lines.comments.items() if k < at]
     if all(is_number(cell) for cell in cells if cell):
         last = commented[-1] if commented else None
         fits = last is not None and len(_cells(lines.comments[last], sep)) == usual
-        return last if fits else None
-    return at
+        return at, last if fits else None
+    return at, at
 
 
 def decimal_of(
@@ -161,7 +182,9 @@ def decimal_of(
         (name, cell)
         for name, cells in named
         for cell in cells
-        if "," in cell and (is_number(cell.strip()) or _BOTH.match(cell.strip()))
+        if "," in cell
+        and (is_number(cell.strip()) or _BOTH.match(cell.strip()))
+        and not is_stamp(cell)
     ]
     if not commas:
         return ".", False

@@ -1,4 +1,4 @@
-"""Tables from JSON: one object a line, or a list of objects."""
+"""Tables from JSON: one object a line, or one value that holds a table."""
 
 from __future__ import annotations
 
@@ -11,13 +11,14 @@ import numpy as np
 from ddmhe.checks import reason, shown
 from ddmhe.recordings.arrays import frame_table
 from ddmhe.recordings.errors import LogError
-from ddmhe.recordings.table import Cells, Table
+from ddmhe.recordings.json_trees import table_in, table_of_objects
+from ddmhe.recordings.table import Table
 from ddmhe.recordings.text import decode
 
 SPLIT = {"columns", "index", "data"}
 """Keys of a frame as pandas writes it."""
 
-__all__ = ["flat", "json_table", "table_of_objects"]
+__all__ = ["json_table"]
 
 
 def json_table(path: str, data: bytes, asked: Sequence[str], encoding: str | None) -> Table:
@@ -30,11 +31,11 @@ def json_table(path: str, data: bytes, asked: Sequence[str], encoding: str | Non
     if isinstance(whole, Mapping) and {"columns", "data"} <= set(whole) <= SPLIT:
         return _split(path, whole)
     if isinstance(whole, Mapping) and all(isinstance(v, list) for v in whole.values()):
-        return frame_table(path, {k: np.array(v, dtype=object) for k, v in whole.items()}, asked)
-    rows = whole if isinstance(whole, list) else [whole]
-    if not all(isinstance(row, Mapping) for row in rows):
-        raise LogError(f"{path}: expected JSON objects with columns' names as keys, found others")
-    return table_of_objects(path, list(enumerate(rows, 1)), "row")
+        plain = not any(isinstance(cell, list | Mapping) for v in whole.values() for cell in v)
+        if plain:
+            arrays = {k: np.array(v, dtype=object) for k, v in whole.items()}
+            return frame_table(path, arrays, asked)
+    return table_in(path, whole, asked)
 
 
 def _split(path: str, whole: Mapping[str, Any]) -> Table:
@@ -65,34 +66,3 @@ def _lines(path: str, text: str) -> Iterator[tuple[int, Any]]:
         if not isinstance(row, Mapping):
             raise LogError(f"{path}, line {line}: expected a JSON object, found {shown(words)}")
         yield line, row
-
-
-def table_of_objects(path: str, rows: Sequence[tuple[int, Any]], place: str = "line") -> Table:
-    """A table of nested objects; a key that one lacks is a cell that is not measured."""
-    plain = [dict(flat(row)) for _, row in rows]
-    header = list(dict.fromkeys(key for row in plain for key in row))
-    columns = [_column([row.get(name) for row in plain]) for name in header]
-    places = np.array([at for at, _ in rows], dtype=np.int64)
-    return Table(path, header, columns, places, place)
-
-
-def flat(value: Any, name: str = "") -> Iterator[tuple[str, Any]]:
-    """What nested objects hold, by their paths."""
-    if isinstance(value, Mapping):
-        for key, inner in value.items():
-            yield from flat(inner, f"{name}.{key}" if name else str(key))
-    elif isinstance(value, list | tuple):
-        for k, inner in enumerate(value):
-            yield from flat(inner, f"{name}[{k}]")
-    else:
-        yield name, value
-
-
-def _column(values: Sequence[Any]) -> Cells:
-    """Whole numbers as such, numbers as floats, the rest as texts."""
-    kinds = {type(value) for value in values}
-    if kinds == {int} and max(map(abs, values)) < 2**63:
-        return np.array(values, dtype=np.int64)
-    if kinds <= {int, float, type(None), bool}:
-        return np.array([np.nan if v is None else v for v in values], dtype=np.float64)
-    return ["" if value is None else str(value) for value in values]

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ddmhe.recordings.json_lines import table_of_objects
+from ddmhe.recordings.json_trees import table_of_objects
 from ddmhe.recordings.table import Cells, Table
 
 __all__ = ["Message", "plain", "table_of_messages", "wanted"]

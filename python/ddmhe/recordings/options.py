@@ -23,7 +23,7 @@ class Reading:
     time: str | None = None
     start: float | str | None = None
     decimate: int = 1
-    missing: Sequence[float] = ()
+    missing: Sequence[float | str] = ()
     unwrap: Sequence[str] = ()
     time_unit: str | None = None
     dt: float | None = None
@@ -83,10 +83,11 @@ def check_texts(option: str, group: Any) -> None:
         raise LogError(f"{option}: expected a list of column names, found {shown(group)}")
 
 
-def checked_missing(missing: Any) -> tuple[float, ...]:
-    """Numbers that stand for "not measured"; LogError for anything else."""
-    numbers: Sequence[Any] = missing if isinstance(missing, list | tuple) else [missing]
-    for number in numbers:
-        if not is_real(number) or not -LARGEST <= number <= LARGEST:
-            raise LogError(f"missing: expected finite numbers, found {shown(number)}")
-    return tuple(float(number) for number in numbers)
+def checked_missing(missing: Any) -> tuple[float | str, ...]:
+    """Numbers and words that stand for "not measured"; LogError for anything else."""
+    found: Sequence[Any] = missing if isinstance(missing, list | tuple) else [missing]
+    for one in found:
+        word = isinstance(one, str) and one.strip() != ""
+        if not word and (not is_real(one) or not -LARGEST <= one <= LARGEST):
+            raise LogError(f"missing: expected finite numbers or words, found {shown(one)}")
+    return tuple(one.strip() if isinstance(one, str) else float(one) for one in found)

@@ -94,7 +94,7 @@ def read(
     decimal: str | None = None,
     comment: str | None = None,
     encoding: str | None = None,
-    missing: Sequence[float] = (),
+    missing: Sequence[float | str] = (),
     duplicates: str = "error",
     sort: bool = False,
     gaps: str = "fill",
@@ -130,7 +130,7 @@ def read(
     sep, decimal, comment, encoding
         How a text is written: separator, decimal mark, what begins a comment, encoding.
     missing
-        Numbers that stand for "not measured".
+        Numbers and words that stand for "not measured".
     duplicates, sort
         Which row of a repeated stamp counts: "error", "first", "last" or "mean"; whether rows are
         put in the order of time.

@@ -11,6 +11,7 @@ import lzma
 import os
 import re
 import sys
+import tarfile
 import zipfile
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -19,6 +20,7 @@ from pathlib import Path
 from typing import Any
 
 from ddmhe.checks import file_words, reason, shown
+from ddmhe.recordings.documents import are_documents, yaml_table
 from ddmhe.recordings.errors import LogError
 from ddmhe.recordings.libraries import library
 from ddmhe.recordings.options import Reading
@@ -30,6 +32,8 @@ __all__ = ["INPUT", "InMemory", "name_of", "piece_in", "table_of"]
 INPUT = "-"
 """The path that means standard input."""
 _PIECE = re.compile(r"(.+)#(\d+)\Z", re.DOTALL)
+_HIDDEN = re.compile(r"/\Z|\A__MACOSX/|(\A|/)\.[^/]*\Z")
+"""What a packed folder holds beside files."""
 _HEAD = 1024
 MAGIC = (
     (b"\x1f\x8b", "gzip"),
@@ -48,11 +52,14 @@ MAGIC = (
     (b"SQLite format 3\0", "bag"),
     (b"#ROSBAG V", "bag"),
 )
+_DATAFLASH = "a DataFlash log of ArduPilot; `mavlogdump.py --format csv --types …` makes tables"
 UNREAD = (
     (b"ULog\x01", "a ULog of PX4; `ulog2csv` or `mcap convert` makes tables of it"),
     (b"TDSm", "a TDMS file; nptdms writes it as CSV or HDF5"),
     (b"MDF     ", "an MDF file; asammdf writes it as CSV, Parquet or MAT"),
     (b"\xd0\xcf\x11\xe0", "an old spreadsheet; save it as CSV"),
+    (b"FMT, ", _DATAFLASH),
+    (b"\xa3\x95\x80", _DATAFLASH),
     (b"%PDF", "a PDF; export its table as CSV"),
     (b"\x89PNG", "a picture"),
     (b"\xff\xd8\xff", "a picture"),
@@ -178,6 +185,10 @@ def _by_format(
     for magic, words in UNREAD:
         if data.startswith(magic):
             raise LogError(f"{path}: expected a log file, found {words}")
+    if data[257:262] == b"ustar":
+        return _by_format(path, None, _tar(path, data), asked, how)
+    if are_documents(data):
+        return yaml_table(path, data, how.encoding)
     if data.lstrip()[:1] in (b"{", b"["):
         from ddmhe.recordings.json_lines import json_table
 
@@ -205,7 +216,7 @@ def _zip(path: str, data: bytes) -> tuple[bytes, str]:
     """What a zip file holds: arrays of NumPy, or its one file."""
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as packed:
-            names = [name for name in packed.namelist() if not name.endswith("/")]
+            names = [name for name in packed.namelist() if not _HIDDEN.search(name)]
             if names and all(name.endswith(".npy") for name in names):
                 return data, "npz"
             if any(name.startswith(("xl/", "content.xml")) for name in names):
@@ -219,6 +230,22 @@ def _zip(path: str, data: bytes) -> tuple[bytes, str]:
             f"{path}: expected a whole zip file, found one that cannot be unpacked ({reason(e)})"
         ) from e
     raise LogError(f"{path}: expected a zip of one log file, found {len(names)} files")
+
+
+def _tar(path: str, data: bytes) -> bytes:
+    """The one file that a tar holds."""
+    try:
+        with tarfile.open(fileobj=io.BytesIO(data)) as packed:
+            every = [member for member in packed.getmembers() if member.isfile()]
+            members = [member for member in every if not _HIDDEN.search(member.name)]
+            file = packed.extractfile(members[0]) if len(members) == 1 else None
+            if file is not None:
+                return file.read()
+    except tarfile.TarError as e:
+        raise LogError(
+            f"{path}: expected a whole tar file, found one that cannot be unpacked ({reason(e)})"
+        ) from e
+    raise LogError(f"{path}: expected a tar of one log file, found {len(members)} files")
 
 
 def _gzip(path: str, data: bytes) -> bytes:

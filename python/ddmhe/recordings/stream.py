@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ddmhe.checks import shown
+from ddmhe.checks import one_line, shown
 from ddmhe.recordings.cells import number
 from ddmhe.recordings.clock import samples_of
 from ddmhe.recordings.csv_log import Clocked
@@ -60,7 +60,7 @@ class RowFormat:
     """What parts the cells; None for JSON lines."""
     decimal: str
     grouped: bool
-    missing: list[float]
+    missing: list[float | str]
     kind: str
     """Of times: "text", "whole" or "number"."""
     per_second: float
@@ -74,8 +74,11 @@ class RowFormat:
         cannot be read in."""
         table, stamps = found.table, found.stamps
         time = None if how.dt is not None else log.names.time
-        if time is not None and any(note.startswith("time of columns") for note in table.notes):
-            raise LogError(f"{log.path}: expected one column of times with --follow, found two")
+        if not table.alone:
+            raise LogError(
+                f"{log.path}: expected lines that can be read one by one with --follow, found "
+                f"others ({one_line('; '.join(table.notes))})"
+            )
         if how.unwrap or how.sort or how.duplicates != "error" or how.delay:
             raise LogError("--follow: expected without --unwrap, --sort, --duplicates and --delay")
         text = stamps.ns is not None
@@ -103,8 +106,10 @@ class RowFormat:
     def numbers(self, cells: Mapping[str, str], names: Sequence[str]) -> Array:
         """The numbers of some columns, NaN where not measured."""
         values = np.empty(len(names))
+        words = [one.lower() for one in self.missing if isinstance(one, str)]
         for k, name in enumerate(names):
             cell = cells.get(name, "")
+            cell = "" if cell.strip().lower() in words else cell
             value = number(cell, self.decimal, self.grouped)
             if value is None or np.isinf(value):
                 raise LogError(
@@ -155,7 +160,7 @@ class RowFormat:
 
 
 def _of_json(line: str) -> dict[str, str]:
-    from ddmhe.recordings.json_lines import flat
+    from ddmhe.recordings.json_trees import flat
 
     try:
         row = json.loads(line)

@@ -40,6 +40,8 @@ class Table:
     """What was inferred on the way, one phrase each."""
     sep: str | None = None
     """What parts the cells of a text; None for other formats."""
+    alone: bool = True
+    """Whether a line more can be read as it is, with the header alone."""
     digest: str | None = None
     """SHA-256 of the bytes that were read; None for frames."""
 

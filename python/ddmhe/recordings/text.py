@@ -9,7 +9,7 @@ from typing import NamedTuple
 from ddmhe.checks import shown
 from ddmhe.recordings.errors import LogError
 
-__all__ = ["Lines", "decode", "lines_of"]
+__all__ = ["MOST_BREAKS", "Lines", "decode", "lines_of", "without_tail"]
 
 BOMS = (
     (codecs.BOM_UTF8, "utf-8"),
@@ -19,12 +19,17 @@ BOMS = (
     (codecs.BOM_UTF16_BE, "utf-16-be"),
 )
 """Longer ones first: a mark of UTF-32 begins as one of UTF-16."""
+WIDE_BOMS = tuple(mark for mark, name in BOMS if name != "utf-8")
 COMMENTS = ("#", "%", "//")
 """What a line of a comment begins with, unless another mark is named."""
 FIRST = 200
 """Lines that may be above the samples."""
 MOST_BREAKS = 10
 """Lines over which a quote may go on there."""
+MOST_ZEROS = 3
+"""Zeros that a last character of UTF-16 or UTF-32 may end with."""
+_QUOTED = re.compile('"#[A-Za-z]')
+"""A comment in the quotes of a cell; "#" alone is a name for row numbers."""
 CONTROL = re.compile("[\0-\x08\x0e-\x1b]")
 """Characters that no text has."""
 
@@ -36,6 +41,8 @@ class Lines(NamedTuple):
     """All lines, "" where one is a comment."""
     comments: dict[int, str]
     """Comments by their place in `rows`, without their mark."""
+    shift: int = 0
+    """What places in `rows` are ahead of the file's own, if a header was put before them: -1."""
 
 
 def decode(path: str, data: bytes, encoding: str | None) -> tuple[str, str | None]:
@@ -43,13 +50,14 @@ def decode(path: str, data: bytes, encoding: str | None) -> tuple[str, str | Non
     text."""
     if encoding is not None:
         return _stated(path, data, encoding), None
+    data = without_tail(data)
     for mark, name in BOMS:
         if data.startswith(mark):
-            text = _strict(path, data[len(mark) :], name)
+            text = _strict(path, data[len(mark) :], name).rstrip("\0")
             return text, None if name == "utf-8" else name.upper()
     wide = _wide(data[:4000])
     if wide is not None:
-        return _strict(path, data, wide), wide.upper()
+        return _strict(path, data, wide).rstrip("\0"), wide.upper()
     try:
         text, found = data.decode("utf-8"), None
     except UnicodeDecodeError:
@@ -63,6 +71,16 @@ def decode(path: str, data: bytes, encoding: str | None) -> tuple[str, str | Non
             "neither; --encoding names another encoding"
         )
     return text, found
+
+
+def without_tail(data: bytes) -> bytes:
+    """The bytes without the zeros at the end of a file whose writer reserved more room than it
+    filled; two of them or fewer may be half of a wide character."""
+    bare = data.rstrip(b"\0")
+    if len(data) - len(bare) <= MOST_ZEROS:
+        return data
+    wide = data.startswith(WIDE_BOMS) or _wide(data[:4000]) is not None
+    return data[: 4 * -(-len(bare) // 4)] if wide else bare
 
 
 def _stated(path: str, data: bytes, encoding: str) -> str:
@@ -115,13 +133,15 @@ def _rows(text: str) -> list[str]:
 
 def lines_of(text: str, comment: str | None) -> Lines:
     """Lines, those of comments blanked; a mark that is named ends a line anywhere."""
-    text = text.replace("\r\n", "\n")
+    text = re.sub("\r+\n", "\n", text).replace("\n\ufeff", "\n")  # of files one behind the other
     rows = _rows(text if "\n" in text else text.replace("\r", "\n"))
     marks = COMMENTS if comment is None else (comment,)
     comments = {}
     for k, row in enumerate(rows):
-        bare = row.lstrip()
+        bare = row.lstrip(" ")  # a tab is an empty cell
         mark = next((mark for mark in marks if bare.startswith(mark)), None)
+        if mark is None and comment is None and _QUOTED.match(bare):
+            mark = '"#'
         if mark is not None:
             comments[k] = bare.lstrip(mark).strip()
             rows[k] = ""

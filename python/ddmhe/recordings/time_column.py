@@ -3,9 +3,7 @@ one if that can be nothing else. A counter is none."""
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 
@@ -17,19 +15,15 @@ from ddmhe.recordings.table import Cells, Table
 from ddmhe.recordings.time_units import epoch_unit, is_time_name, unit_in_name, unit_word
 from ddmhe.recordings.units import unit_of
 
-__all__ = ["time_column", "with_joined_time", "with_plain_durations"]
+__all__ = ["time_column"]
 
 LOOKED_AT = 2000
 """Cells of a column that are looked at."""
-HALF = 0.5
-"""A column of which fewer steps go one way is no clock, whatever its name."""
+ONE_WAY, SHARED = 0.75, 0.1
+"""A column of which fewer steps go one way, or of which fewer move at all, is no clock, whatever
+its name."""
 RISING = 0.9
 """Share of steps upwards that a clock's column has at least."""
-_SECONDS = re.compile(r"(?P<stem>.*?)(?P<word>secs?|seconds)\Z", re.IGNORECASE)
-_NANOS = ("nanos", "nsec", "nsecs", "nanosec", "nanoseconds", "nanosecs")
-_JOINED = "time"
-_ISO = re.compile(r"\s*PT(?=\d)(?:(\d+)H)?(?:(\d+)M)?(?:(\d+(?:[.,]\d+)?)S)?\s*\Z")
-_DURATION = re.compile(r"\s*([+-]?[\d.,]+(?:[eE][+-]?\d+)?)\s*([a-zµμ]+)\s*\Z")
 
 
 def time_column(table: Table, asked: Names, time: str | None) -> tuple[str, str]:
@@ -53,12 +47,21 @@ def time_column(table: Table, asked: Names, time: str | None) -> tuple[str, str]
         )
     if named:
         return named[0], "time column"
+    stated = [n for n in table.header if n not in own and _states_time(table, n)]
+    if len(stated) == 1:
+        return stated[0], "time column (by its unit)"
     single = [n for n in table.header if n not in own and table.header.count(n) == 1]
     for sure in (_tells, _since_epoch):
         found = [name for name in single if sure(table, name)]
         if len(found) == 1:
             return found[0], "time column"
     return _first(table, own, asked)
+
+
+def _states_time(table: Table, name: str) -> bool:
+    """Whether a column has a unit of time, and rises as a clock does."""
+    unit = (table.unit(name) or unit_of(name)) if table.header.count(name) == 1 else ""
+    return unit_word(unit) in ("s", "ms", "us", "ns", "min") and _runs(table, name)
 
 
 def _first(table: Table, own: set[str], asked: Names) -> tuple[str, str]:
@@ -103,6 +106,7 @@ def _not_asked(table: Table, asked: Names, name: str) -> None:
 def _clearest(table: Table, named: Sequence[str]) -> list[str]:
     """Of columns named like clocks the one that runs as a clock, and says its unit."""
     running = [name for name in named if _runs(table, name)] or list(named)
+    running = [name for name in running if not _counts(table, name)] or running
 
     def clear(name: str) -> bool:
         unit = table.unit(name)
@@ -110,6 +114,13 @@ def _clearest(table: Table, named: Sequence[str]) -> list[str]:
         return bool(stated or _tells(table, name) or _since_epoch(table, name))
 
     return [name for name in running if clear(name)][:1] or running
+
+
+def _counts(table: Table, name: str) -> bool:
+    """Whether a column counts rows one by one, without a unit."""
+    values = _numbers(table.column(name), table.decimal)
+    stated = table.unit(name) or unit_in_name(name)
+    return values is not None and not stated and bool(np.all(np.diff(values) == 1))
 
 
 def _numbers(cells: Cells, decimal: str) -> np.ndarray | None:
@@ -126,7 +137,10 @@ def _stays(table: Table, name: str) -> bool:
     if values is None or values.size < 3:
         return False
     steps = np.diff(values)
-    return bool(max(np.mean(steps > 0), np.mean(steps < 0)) < HALF)
+    moving = steps[steps != 0]  # rows may share a stamp
+    if moving.size < SHARED * steps.size:
+        return True
+    return bool(max(np.mean(moving > 0), np.mean(moving < 0)) < ONE_WAY)
 
 
 def _runs(table: Table, name: str) -> bool:
@@ -149,93 +163,3 @@ def _since_epoch(table: Table, name: str) -> bool:
     if values is None or values.size < 2 or not np.isfinite(values).all():
         return False
     return epoch_unit(values) is not None and bool(np.mean(np.diff(values) > 0) > RISING)
-
-
-def with_plain_durations(table: Table) -> Table:
-    """The table with times like "0.02 sec" as numbers, whose unit is said."""
-    units, columns, told = dict(table.units), list(table.columns), []
-    for k, (name, cells) in enumerate(zip(table.header, table.columns, strict=True)):
-        if not isinstance(cells, np.ndarray) and cells and (is_time_name(name) or k == 0):
-            iso = _iso_seconds(cells)
-            if iso is not None:
-                columns[k], units[name] = iso, "s"
-                told.append(f"ISO durations in the cells of {shown(name)}")
-                continue
-        first = None if isinstance(cells, np.ndarray) or not cells else _DURATION.match(cells[0])
-        if first is None or not (is_time_name(name) or k == 0) or unit_word(first[2]) is None:
-            continue
-        found = [_DURATION.match(cell) for cell in cells]
-        if all(match is not None and match[2] == first[2] for match in found):
-            columns[k] = [match[1] for match in found if match is not None]
-            units[name] = first[2]
-            told.append(f"{first[2]} in the cells of {shown(name)}")
-    return replace(table, columns=columns, units=units).noted(*told) if told else table
-
-
-def _iso_seconds(cells: Sequence[str]) -> list[str] | None:
-    """Seconds of durations like PT1M3.02S; None where a cell is none."""
-    if _ISO.match(cells[0]) is None:
-        return None
-    found = [_ISO.match(cell) for cell in cells]
-    parts = [match.groups(default="0") for match in found if match is not None]
-    if len(parts) < len(cells):
-        return None
-    whole = [3600 * int(h) + 60 * int(m) for h, m, _ in parts]
-    return [
-        f"{w + float(s.replace(',', '.')):.12g}" for w, (_, _, s) in zip(whole, parts, strict=True)
-    ]
-
-
-def with_joined_time(table: Table) -> Table:
-    """The table with a column that joins two: a date and a time of the day, or seconds and
-    nanoseconds; as it is without such a pair."""
-    joined = _date_and_clock(table) or _seconds_and_nanos(table)
-    if joined is None:
-        return table
-    names, cells = joined
-    name = _JOINED
-    while name in table.header:
-        name += "_"
-    kept = [k for k, known in enumerate(table.header) if known not in names]
-    header = [name, *(table.header[k] for k in kept)]
-    columns = [cells, *(table.columns[k] for k in kept)]
-    units = {k: v for k, v in table.units.items() if k not in names}
-    told = f"time of columns {' and '.join(map(shown, names))}"
-    return replace(table, header=header, columns=columns, units=units).noted(told)
-
-
-def _date_and_clock(table: Table) -> tuple[tuple[str, str], list[str]] | None:
-    texts = {
-        name: column
-        for name, column in zip(table.header, table.columns, strict=True)
-        if not isinstance(column, np.ndarray) and column and is_stamp(column[0])
-    }
-    dates = [name for name, cells in texts.items() if ":" not in cells[0]]
-    clocks = [name for name, cells in texts.items() if is_stamp(f"2000-01-01 {cells[0]}")]
-    if len(dates) != 1 or len(clocks) != 1:
-        return None
-    pair = zip(texts[dates[0]], texts[clocks[0]], strict=True)
-    return (dates[0], clocks[0]), [f"{day.strip()} {clock.strip()}" for day, clock in pair]
-
-
-def _seconds_and_nanos(table: Table) -> tuple[tuple[str, str], list[str]] | None:
-    """As messages of ROS hold a stamp: whole seconds, and nanoseconds below one second."""
-    for name in table.header:
-        found = _SECONDS.match(name)
-        if found is None or (found["stem"] and found["stem"][-1].isalnum()):
-            continue
-        every = [found["stem"] + word for word in _NANOS]
-        beside = [name for name in every for _ in range(table.header.count(name))]
-        if len(beside) != 1 or table.header.count(name) > 1:
-            continue
-        whole, part = table.column(name), table.column(beside[0])
-        try:
-            pairs = [(int(s), int(n)) for s, n in zip(whole, part, strict=True)]
-        except (ValueError, OverflowError):
-            continue
-        of_floats = [c for c in (whole, part) if isinstance(c, np.ndarray) and c.dtype.kind == "f"]
-        if any((column != np.rint(column)).any() for column in of_floats):
-            continue
-        if all(0 <= n < 10**9 and s >= 0 for s, n in pairs):
-            return (name, beside[0]), [f"{s}.{n:09d}" for s, n in pairs]
-    return None

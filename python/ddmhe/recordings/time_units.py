@@ -42,7 +42,8 @@ SHORTEST = 1e-5
 
 def unit_word(text: str) -> str | None:
     """The unit of time that a text says."""
-    return _UNITS.get(text.strip().strip("[]()").strip().lower())
+    words = text.strip().strip("[]()").strip().lower()
+    return _UNITS.get(words.partition(" since ")[0])
 
 
 def checked_unit(option: str, unit: Any) -> str:
