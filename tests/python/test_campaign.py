@@ -69,7 +69,7 @@ def test_equal_numbers_and_defaults_have_one_hash():
 def test_a_difference_is_told():
     other = read_spec(changed(seeds=4, noise={"low": {"x": 1e-4, "y": 2e-3}}))
     words = list(read_spec(SPEC).differences(other))
-    assert "seeds was 3.0, is 4.0" in words
+    assert "seeds was 3, is 4" in words
     assert any(w.startswith("noise.low.y was 0.001, is 0.002") for w in words)
 
 

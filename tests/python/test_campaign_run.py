@@ -190,7 +190,7 @@ def test_a_changed_spec_and_a_used_folder_are_refused(spec, whole, tmp_path):
     other = tmp_path / "other.toml"
     other.write_text(SMALL.replace("seeds = 8", "seeds = 9"))
     for arguments, words in (
-        ((other, "--resume", whole), "another: seeds was 8.0, is 9.0"),
+        ((other, "--resume", whole), "another: seeds was 8, is 9"),
         ((spec, "--out", whole), "--resume goes on with it"),
         (("--resume", tmp_path), "expected the folder of a campaign"),
         ((spec,), "'--out' and '--resume'"),

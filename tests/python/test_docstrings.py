@@ -15,6 +15,7 @@ MODULES = {
     "models": ddmhe.models,
     "baselines": ddmhe.baselines,
     "plot": ddmhe.plot,
+    "campaign": ddmhe.campaign,
 }
 # What others hand out and nobody makes: shown where it is made. What figures of the command line
 # are made of.
@@ -31,6 +32,8 @@ SHOWN_ELSEWHERE = {
     "baselines.Log",
     "baselines.ModelEstimate",
     "baselines.ModelLog",
+    "campaign.Case",
+    "campaign.Progress",
 }
 
 
@@ -55,9 +58,29 @@ def test_the_list_is_of_names_that_are_there():
     assert len(NAMES) > 70
 
 
+@pytest.fixture
+def campaign(tmp_path):
+    """The campaign of the example of `ddmhe.campaign.run`, for those that read it."""
+    from ddmhe.campaign.store import Store
+    from ddmhe.campaign.work import run_part
+
+    example = next(
+        e.source for e in doctest.DocTestParser().get_examples(ddmhe.campaign.run.__doc__)
+        if e.source.startswith("spec =")
+    )  # fmt: skip
+    names = {}
+    exec(example, names)
+    spec = ddmhe.campaign.read_spec(names["spec"])
+    store = Store.create(tmp_path / "bench-campaign", spec)
+    for part in spec.parts:
+        store.add(run_part(spec, part))
+
+
 @pytest.mark.parametrize("name", sorted(set(NAMES) - SHOWN_ELSEWHERE))
-def test_examples(name, tmp_path, monkeypatch):
+def test_examples(name, tmp_path, monkeypatch, request):
     monkeypatch.chdir(tmp_path)
+    if name in ("campaign.open", "campaign.Campaign"):
+        request.getfixturevalue("campaign")
     monkeypatch.setenv("MPLBACKEND", "agg")
     text = inspect.getdoc(NAMES[name])
     example = doctest.DocTestParser().get_doctest(text, {}, name, None, None)

@@ -1,14 +1,8 @@
 """Campaigns: thousands of cases on this machine or a cluster, resumable.
 
 A spec names systems, noise, faults, estimators and seeds; `run` estimates every case of their
-product on Dask's workers and keeps a row each, `open` reads what is there:
-
->>> import ddmhe
->>> spec = {"seeds": 100, "systems": {"bench": {}}, "estimators": {"DdMhe": {}}}
->>> campaign = ddmhe.campaign.run(spec, "bench-campaign")     # doctest: +SKIP
->>> campaign.rows.groupby("estimator")["rmse_all"].median()   # doctest: +SKIP
-
-A case is a pure function of the spec and its number. Needs `pip install 'ddmhe[campaign]'`."""
+product on Dask's workers and keeps a row each, `open` reads what is there. A case is a pure
+function of the spec and its number. Needs `pip install 'ddmhe[campaign]'`."""
 
 from ddmhe.campaign.errors import CampaignError
 from ddmhe.campaign.opened import Campaign

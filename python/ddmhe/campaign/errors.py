@@ -11,7 +11,17 @@ __all__ = ["CampaignError", "library"]
 
 
 class CampaignError(DdmheError):
-    """A campaign cannot be run, resumed or read."""
+    """A campaign cannot be run, resumed or read.
+
+    Examples
+    --------
+    >>> import ddmhe
+    >>> try:
+    ...     ddmhe.campaign.read_spec({"sistems": {}})
+    ... except ddmhe.campaign.CampaignError as e:
+    ...     print(str(e).split("found ")[1])
+    'sistems'; did you mean 'systems'?
+    """
 
 
 def library(name: str) -> Any:

@@ -79,6 +79,26 @@ def run(
         A key or a setting is wrong; the folder holds a campaign already, or none, or another; no
         scheduler answers; it was lost on the way. All finished parts are kept, after
         KeyboardInterrupt too.
+
+    Examples
+    --------
+    In a script all of it stands under `if __name__ == "__main__":`, since processes are started.
+
+    >>> import ddmhe
+    >>> spec = {
+    ...     "seeds": 4,
+    ...     "systems": {"bench": {"duration": 0.5}},
+    ...     "noise": {"low": {"x": 1e-3, "y": 1e-3}},
+    ...     "estimators": {"DdMhe": {"knows_noise": True}, "ErrorStateKalman": {}},
+    ... }
+    >>> campaign = ddmhe.campaign.run(spec, "bench-campaign", workers=1)
+    >>> campaign.rows.groupby("estimator")["rmse_all"].count()
+    estimator
+    DdMhe               4
+    ErrorStateKalman    4
+    Name: rmse_all, dtype: int64
+    >>> ddmhe.campaign.run(spec, "bench-campaign", resume=True).complete  # nothing is left to run
+    True
     """
     check_path("out", out)
     if workers is not None:

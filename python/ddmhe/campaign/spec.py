@@ -119,7 +119,16 @@ def read_spec(spec: str | Path | Mapping[str, Any] | Spec) -> Spec:
     """A checked spec, from a TOML file or from what such a file holds.
 
     CampaignError or ConfigError, one sentence that names the key: unknown ones with the nearest
-    known, lacking ones, values that do not fit, settings that an estimator does not have."""
+    known, lacking ones, values that do not fit, settings that an estimator does not have.
+
+    Examples
+    --------
+    >>> import ddmhe
+    >>> bench = {"systems": {"bench": {}}, "estimators": {"DdMhe": {}, "RidgeFir": {}}}
+    >>> spec = ddmhe.campaign.read_spec({**bench, "seeds": 100})
+    >>> spec.cases, len(spec.parts)
+    (200, 5)
+    """
     if isinstance(spec, Spec):
         return spec
     given = spec if isinstance(spec, Mapping) else read_table(spec)
@@ -192,7 +201,18 @@ def _check_together(spec: Spec) -> None:
 
 @dataclass(frozen=True, eq=False)
 class Spec:
-    """A checked spec, all defaults filled in."""
+    """A checked spec, all defaults filled in; `read_spec` makes it.
+
+    Examples
+    --------
+    >>> import ddmhe
+    >>> bench = {"systems": {"bench": {}}, "estimators": {"DdMhe": {}}}
+    >>> spec, other = (ddmhe.campaign.read_spec({**bench, "seeds": n}) for n in (3, 4))
+    >>> spec.case(2).scenario.seed
+    2
+    >>> list(spec.differences(other))
+    ['seeds was 3, is 4']
+    """
 
     name: str
     seeds: tuple[int, ...]
@@ -294,7 +314,7 @@ class Spec:
 
     def differences(self, other: Spec) -> Iterator[str]:
         """Where another spec differs, a phrase each."""
-        yield from _differences("", _floats(self.plain), _floats(other.plain))
+        yield from _differences("", self.plain, other.plain)
         for name in ORDERED:
             if list(self.plain[name]) != list(other.plain[name]):
                 yield f"the order of {name}"
