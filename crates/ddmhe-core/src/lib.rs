@@ -152,6 +152,7 @@ pub mod space;
 mod start;
 mod surplus;
 pub mod tol;
+mod units;
 pub mod validation;
 mod variation;
 mod watch;
