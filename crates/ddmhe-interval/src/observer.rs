@@ -79,6 +79,61 @@ impl<D: Dynamics> IntervalObserver<D> {
     /// # Errors
     /// Shape, NaN, negative radii, J̲ above J̄, λ or γ out of range, P not positive definite, q
     /// below n.
+    ///
+    /// # Example
+    /// ```
+    /// use ddmhe_interval::observer::{Dynamics, Gain, IntervalObserver, Options, System};
+    /// use ddmhe_interval::{Error, Interval};
+    ///
+    /// /// x⁺ = x/2 + 0.3 exp(-x²) + w,  y = 2 x + v
+    /// struct Bell;
+    ///
+    /// impl Dynamics for Bell {
+    ///     fn value(&self, x: &[f64], out: &mut [Interval]) -> Result<(), Error> {
+    ///         out[0] = 0.3 * (-Interval::point(x[0]).sqr()).exp();
+    ///         Ok(())
+    ///     }
+    ///
+    ///     fn jacobian(&self, x: &[Interval], out: &mut [Interval]) -> Result<(), Error> {
+    ///         out[0] = -0.6 * x[0] * (-x[0].sqr()).exp();
+    ///         Ok(())
+    ///     }
+    /// }
+    ///
+    /// let system = System {
+    ///     A: vec![0.5],
+    ///     C: vec![2.0],
+    ///     D1: vec![1.0],
+    ///     D2: vec![1.0],
+    ///     j_lo: vec![-0.26], // the largest slope of 0.3 exp(-x²)
+    ///     j_hi: vec![0.26],
+    ///     w_radius: vec![0.01],
+    ///     v_radius: vec![0.05],
+    ///     ..System::default()
+    /// };
+    /// let unknown = f64::INFINITY; // no peak-to-peak bound was computed: the zonotope alone
+    /// let gain = Gain {
+    ///     L: vec![0.2],
+    ///     P: vec![1.0],
+    ///     lambda: 0.5,
+    ///     gamma: unknown,
+    ///     mu_w: unknown,
+    ///     mu_v: unknown,
+    ///     ..Gain::default()
+    /// };
+    /// let mut observer =
+    ///     IntervalObserver::new(Bell, system, gain, &[0.0], &[2.0], Options::default())?;
+    /// let mut x = 1.9_f64;
+    /// for _ in 0..50 {
+    ///     let y = [2.0 * x + 0.03]; // a noise within its bound
+    ///     let estimate = observer.step(&y, &[])?;
+    ///     assert!(estimate.filtered[0].contains(x));
+    ///     x = 0.5 * x + 0.3 * (-x * x).exp();
+    ///     assert!(estimate.predicted[0].contains(x));
+    /// }
+    /// assert!(observer.estimate().predicted[0].width() < 0.15);
+    /// # Ok::<(), Error>(())
+    /// ```
     pub fn new(
         dynamics: D,
         system: System,

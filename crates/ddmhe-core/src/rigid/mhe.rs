@@ -84,6 +84,39 @@ impl RigidBodyMhe {
     /// [`Error::Shape`], [`Error::Value`] or [`Error::NotFinite`] naming the setting at fault, or for
     /// a recording of three rates in another unit than rad/s; as [`DdMhe::new`]. A recording of
     /// other than three states and one to six outputs is no body's: the affine estimator stands in.
+    ///
+    /// # Example
+    /// ```
+    /// # use ddmhe_core::rigid::RigidConfig;
+    /// # use ddmhe_core::*;
+    /// # // a body that a torque -D ω brakes about two of its axes, in small steps of Euler's rule
+    /// # let (J, d) = ([0.8, 1.0, 1.2], [0.002, 0.001, 0.0]);
+    /// # let (mut w, mut x, mut y) = ([0.2, 0.15, -0.1], Vec::new(), Vec::new());
+    /// # for _ in 0..=1200 {
+    /// #     x.extend(w);
+    /// #     y.extend([3.0 * w[0] + w[1], w[1] - 2.0 * w[0], 0.5 * w[0]]);
+    /// #     for _ in 0..100 {
+    /// #         let f = |i: usize, j: usize, k: usize| {
+    /// #             ((J[j] - J[k]) * w[j] * w[k] - d[i] * w[i]) / J[i]
+    /// #         };
+    /// #         let f: [f64; 3] = [f(0, 1, 2), f(1, 2, 0), f(2, 0, 1)];
+    /// #         (0..3).for_each(|i| w[i] += 0.001 * f[i]);
+    /// #     }
+    /// # }
+    /// // rates x and torques y of a tumbling body: 20 s were recorded, then there are torques alone
+    /// let history = History::new(3, 3, &x[..603], &y[..600], 0.1)?;
+    /// let mut estimator = RigidBodyMhe::new(&history, RigidConfig::default(), None)?;
+    /// assert!(estimator.explained());
+    /// for y in y[600..3600].chunks(3) {
+    ///     estimator.step(y)?;
+    /// }
+    /// // a hundred seconds later
+    /// let estimate = estimator.estimate();
+    /// assert_eq!(estimate.status, Status::Structured);
+    /// let off = |i: usize| (estimate.x[i] - x[3600 + i]).abs();
+    /// assert!((0..3).all(|i| off(i) < 1e-3));
+    /// # Ok::<(), Error>(())
+    /// ```
     pub fn new(
         history: &History,
         config: RigidConfig,
