@@ -8,7 +8,7 @@
 use crate::own::OwnRows;
 use crate::way_out::way_out;
 use ddmhe_run::Status;
-use ddmhe_run::active_set::{ActiveBound, LeastDistance, Rows, Slack, Trust, Windows};
+use ddmhe_run::active_set::{ActiveBound, Erased, Rows, Slack, Trust, Windows};
 use ddmhe_run::panels::padded;
 use faer::Mat;
 
@@ -23,19 +23,15 @@ enum Row {
 }
 
 /// All rows, and each slot's row.
-struct Extended<'a, 'b, W: Windows> {
-    problem: &'a LeastDistance<'b, W>,
+struct Extended<'a, 'b> {
+    problem: &'a Erased<'b>,
     rows: Vec<Row>,
     slots: Vec<(usize, Slack)>,
 }
 
 /// Into z and its window w: the answer, or z* with its window if there is none.
 #[cold]
-pub(crate) fn way_out_priced<W: Windows>(
-    problem: &LeastDistance<'_, W>,
-    z: &mut [f64],
-    w: &mut [f64],
-) -> (Status, u32) {
+pub(crate) fn way_out_priced(problem: &Erased<'_>, z: &mut [f64], w: &mut [f64]) -> (Status, u32) {
     let extended = Extended::new(problem);
     let (r, all) = (problem.rows.r, problem.rows.r + extended.slots.len());
     let own = extended.own_rows();
@@ -51,7 +47,7 @@ pub(crate) fn way_out_priced<W: Windows>(
     let mut free = vec![0.0; padded(all)];
     free[..r].copy_from_slice(&problem.unconstrained[..r]);
     let factor = problem.hessian_factor.map(|L| block_factor(L, r, all));
-    let plain = LeastDistance {
+    let plain = Erased {
         rows: own.rows(),
         lo: &lo,
         hi: &hi,
@@ -81,8 +77,8 @@ fn block_factor(L: &[f64], r: usize, all: usize) -> Vec<f64> {
     block
 }
 
-impl<'a, 'b, W: Windows> Extended<'a, 'b, W> {
-    fn new(problem: &'a LeastDistance<'b, W>) -> Self {
+impl<'a, 'b> Extended<'a, 'b> {
+    fn new(problem: &'a Erased<'b>) -> Self {
         let (mut rows, mut slots) = (Vec::new(), Vec::new());
         let sides = |row: usize| [1.0, -1.0].map(|sign| ActiveBound { row, sign });
         for row in 0..problem.rows.len() {
@@ -137,7 +133,11 @@ impl<'a, 'b, W: Windows> Extended<'a, 'b, W> {
     }
 }
 
-impl<W: Windows> Windows for Extended<'_, '_, W> {
+impl Windows for Extended<'_, '_> {
+    fn erased(&self) -> &dyn Windows {
+        self
+    }
+
     fn window(&self, point: &[f64], window: &mut [f64]) {
         let r = self.problem.rows.r;
         let mut w = vec![0.0; self.problem.rows.len()];

@@ -6,7 +6,7 @@ use crate::plan_builder::Prepared;
 use crate::way_out::way_out;
 use crate::weights::Weights;
 use ddmhe_run::Status;
-use ddmhe_run::active_set::{LeastDistance, Windows, WorkingSet};
+use ddmhe_run::active_set::{Erased, WorkingSet};
 use ddmhe_run::fallback::{self, Fallback};
 use ddmhe_run::problem::{Data, Fit, Scratch, WindowSolution};
 
@@ -17,34 +17,39 @@ pub(crate) struct Fallbacks<'a> {
     pub prepared: &'a Prepared,
 }
 
+/// For a machine without vector units of the newer kinds: once in the program, not in every caller.
+#[cold]
+#[inline(never)]
+fn apart<R>(f: impl FnOnce() -> R) -> R {
+    f()
+}
+
 impl Fallback for Fallbacks<'_> {
     #[inline(always)]
     fn vectorised<R>(&self, f: impl FnOnce() -> R) -> R {
-        self.design.units.dispatch(f)
+        match self.design.units {
+            pulp::Arch::Scalar => apart(f),
+            units => units.dispatch(f),
+        }
     }
 
-    fn decide<W: Windows>(
-        &self,
-        problem: &LeastDistance<'_, W>,
-        z: &mut [f64],
-        w: &mut [f64],
-    ) -> (Status, u32) {
+    fn decide(&self, problem: &Erased<'_>, z: &mut [f64], w: &mut [f64]) -> (Status, u32) {
         match problem.prices {
             None => way_out(problem, z, w),
             Some(_) => way_out_priced(problem, z, w),
         }
     }
 
-    fn two_stages<W: Windows>(
+    fn two_stages(
         &self,
-        problem: &LeastDistance<'_, W>,
+        problem: &Erased<'_>,
         room: (&mut WorkingSet<'_>, &mut [f64]),
         z: &mut [f64],
         w: &mut [f64],
     ) -> (Status, u32) {
         match &self.prepared.surplus {
             Some(surplus) => surplus.solve(problem, self, room, z, w),
-            None => fallback::decide(problem, self, room, z, w),
+            None => fallback::decide_erased(problem, self, room, z, w),
         }
     }
 
@@ -60,6 +65,6 @@ impl Fallback for Fallbacks<'_> {
         let made = self.design.without_missing(self.prepared, weights, data.outputs).ok()?;
         let fallback = Fallbacks { prepared: &made, weights, ..*self };
         let data = &Data { lacking: None, ..*data };
-        made.problem().solve(&fallback, data, room, fit)
+        made.problem().solve_vectorised(&fallback, data, room, fit)
     }
 }

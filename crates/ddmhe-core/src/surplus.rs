@@ -19,8 +19,8 @@
 use crate::own::{OwnRows, OwnSet};
 use crate::tol;
 use ddmhe_run::Status;
-use ddmhe_run::active_set::{LeastDistance, Rows, Trust, Windows, WorkingSet, work_len};
-use ddmhe_run::fallback::{Fallback, decide};
+use ddmhe_run::active_set::{Erased, Rows, Trust, Windows, WorkingSet, work_len};
+use ddmhe_run::fallback::{Fallback, decide_erased};
 use ddmhe_run::panels::padded;
 use faer::Mat;
 
@@ -33,29 +33,37 @@ pub(crate) struct Surplus {
 }
 
 /// z = (I + (1/δ - 1) K Kᵀ) ζ.
-struct Stretched<'a, W> {
+struct Stretched<'a> {
     surplus: &'a Surplus,
-    windows: &'a W,
+    windows: &'a dyn Windows,
 }
 
 /// A K y.
-struct Unseen<'a, W> {
+struct Unseen<'a> {
     surplus: &'a Surplus,
-    windows: &'a W,
+    windows: &'a dyn Windows,
     seen: &'a [f64], // z_1
     base: &'a [f64], // its window
 }
 
-impl<W: Windows> Windows for Stretched<'_, W> {
+impl Windows for Stretched<'_> {
     fn window(&self, zeta: &[f64], window: &mut [f64]) {
         self.windows.window(&self.surplus.stretched(zeta, self.surplus.stretch), window);
     }
+
+    fn erased(&self) -> &dyn Windows {
+        self
+    }
 }
 
-impl<W: Windows> Windows for Unseen<'_, W> {
+impl Windows for Unseen<'_> {
     fn window(&self, y: &[f64], window: &mut [f64]) {
         self.windows.window(&self.surplus.moved(self.seen, y), window);
         window.iter_mut().zip(self.base).for_each(|(w, base)| *w -= base);
+    }
+
+    fn erased(&self) -> &dyn Windows {
+        self
     }
 }
 
@@ -108,9 +116,9 @@ impl Surplus {
     /// The answer to a problem with the identity as Hessian, into z and w; the memory is that of
     /// the active-set method.
     #[cold]
-    pub fn solve<W: Windows>(
+    pub fn solve(
         &self,
-        problem: &LeastDistance<'_, W>,
+        problem: &Erased<'_>,
         fallback: &impl Fallback,
         (kept, work): (&mut WorkingSet<'_>, &mut [f64]),
         z: &mut [f64],
@@ -130,9 +138,9 @@ impl Surplus {
     }
 
     /// A window of least cost.
-    fn first_stage<W: Windows>(
+    fn first_stage(
         &self,
-        problem: &LeastDistance<'_, W>,
+        problem: &Erased<'_>,
         fallback: &impl Fallback,
         (kept, work): (&mut WorkingSet<'_>, &mut [f64]),
         z: &mut [f64],
@@ -148,8 +156,8 @@ impl Surplus {
             free[..r].copy_from_slice(
                 &self.moved(&self.stretched(&problem.unconstrained[..r], 0.0), &step),
             );
-            let LeastDistance { lo, hi, .. } = *problem;
-            let near = LeastDistance {
+            let Erased { lo, hi, .. } = *problem;
+            let near = Erased {
                 rows: self.first.rows(),
                 lo,
                 hi,
@@ -159,7 +167,7 @@ impl Surplus {
                 trust: Trust::CERTAIN,
                 prices: problem.prices,
             };
-            let (status, changes) = decide(&near, fallback, (kept, work), &mut zeta, w);
+            let (status, changes) = decide_erased(&near, fallback, (kept, work), &mut zeta, w);
             iterations += changes;
             if !matches!(status, Status::Optimal | Status::AlmostOptimal) {
                 return (status, iterations);
@@ -180,9 +188,9 @@ impl Surplus {
     }
 
     /// From a window of least cost in z and w to the one of least norm among them.
-    fn second_stage<W: Windows>(
+    fn second_stage(
         &self,
-        problem: &LeastDistance<'_, W>,
+        problem: &Erased<'_>,
         fallback: &impl Fallback,
         z: &mut [f64],
         w: &mut [f64],
@@ -199,7 +207,7 @@ impl Surplus {
         let windows = Unseen { surplus: self, windows: problem.windows, seen: &seen, base: &base };
         let free = vec![0.0; padded(q)];
         let (mut y, mut moved) = (free.clone(), vec![0.0; w.len()]);
-        let least = LeastDistance {
+        let least = Erased {
             rows: self.second.rows(),
             lo: &lo,
             hi: &hi,
@@ -211,7 +219,7 @@ impl Surplus {
         };
         let (mut set, mut memory) = (OwnSet::new(q), vec![0.0; work_len(q)]);
         let room = (&mut set.working(), &mut memory[..]);
-        let (status, changes) = decide(&least, fallback, room, &mut y, &mut moved);
+        let (status, changes) = decide_erased(&least, fallback, room, &mut y, &mut moved);
         if matches!(status, Status::Optimal | Status::AlmostOptimal) {
             z[..r].copy_from_slice(&self.moved(&seen, &y[..q]));
             problem.windows.window(&z[..r], w);

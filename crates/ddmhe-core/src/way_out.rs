@@ -18,14 +18,13 @@ use crate::qp;
 use crate::tol;
 use ddmhe_run::Status;
 use ddmhe_run::active_set::{
-    ActiveBound, Combination, LeastDistance, Outcome, Trust, Windows, solve_lower,
-    solve_transposed, work_len,
+    ActiveBound, Combination, Erased, Outcome, Trust, solve_lower, solve_transposed, work_len,
 };
 use faer::Mat;
 
 /// The bounded rows, in coordinates t in which the Hessian is the identity.
-struct Bounded<'a, 'b, W: Windows> {
-    problem: &'a LeastDistance<'b, W>,
+struct Bounded<'a, 'b> {
+    problem: &'a Erased<'b>,
     rows: Vec<usize>,
     normals: Mat<f64>, // rows × r, of unit length
     lengths: Vec<f64>, // that the normals of the problem have in these coordinates
@@ -84,11 +83,7 @@ struct Point {
 
 /// Into z and its window w: the answer, or z* with its window if there is none.
 #[cold]
-pub(crate) fn way_out<W: Windows>(
-    problem: &LeastDistance<'_, W>,
-    z: &mut [f64],
-    w: &mut [f64],
-) -> (Status, u32) {
+pub(crate) fn way_out(problem: &Erased<'_>, z: &mut [f64], w: &mut [f64]) -> (Status, u32) {
     let rows = Bounded::new(problem, w);
     let known = |bounds: &[f64]| bounds.iter().all(|b| !b.is_nan());
     if !problem.unconstrained.iter().all(|z| z.is_finite()) || !known(&rows.lo) || !known(&rows.hi)
@@ -109,8 +104,8 @@ pub(crate) fn way_out<W: Windows>(
     (if answered { problem.as_far_as_inside(w, status) } else { status }, iterations)
 }
 
-impl<'a, 'b, W: Windows> Bounded<'a, 'b, W> {
-    fn new(problem: &'a LeastDistance<'b, W>, w: &mut [f64]) -> Self {
+impl<'a, 'b> Bounded<'a, 'b> {
+    fn new(problem: &'a Erased<'b>, w: &mut [f64]) -> Self {
         let (all, r) = (problem.rows, problem.rows.r);
         let stride = r.next_multiple_of(4);
         problem.windows.window(&problem.unconstrained[..r], w);
@@ -182,7 +177,7 @@ impl<'a, 'b, W: Windows> Bounded<'a, 'b, W> {
 
     /// The dual active-set method, trusting everything.
     fn trusting(&self, iterations: &mut u32, z: &mut [f64], w: &mut [f64]) -> Proposed {
-        let trusting = LeastDistance { trust: Trust::ANYTHING, ..*self.problem };
+        let trusting = Erased { trust: Trust::ANYTHING, ..*self.problem };
         let mut set = OwnSet::new(self.r);
         let mut working = set.working();
         let mut memory = vec![0.0; work_len(self.r)];
@@ -313,7 +308,7 @@ impl<'a, 'b, W: Windows> Bounded<'a, 'b, W> {
     /// The point in z, moved back onto its sides as often as its distance to z* takes their digits,
     /// and its window in w.
     fn settle(&self, point: &Point, z: &mut [f64], w: &mut [f64]) {
-        let LeastDistance { hessian_factor, windows, unconstrained: free, .. } = *self.problem;
+        let Erased { hessian_factor, windows, unconstrained: free, .. } = *self.problem;
         let (r, mut step) = (self.r, point.t.clone());
         z[..r].copy_from_slice(&free[..r]);
         for _ in 0..=tol::REFINEMENTS {

@@ -32,7 +32,7 @@ pub mod working_set;
 
 pub use factor::{solve_lower, solve_transposed, work_len};
 pub use priced::priced_len;
-pub use problem::{LeastDistance, Outcome, Trust, Windows};
+pub use problem::{Erased, LeastDistance, Outcome, Trust, Windows};
 pub use proof::Combination;
 pub use rows::{Rows, RowsMut};
 pub use slack::Slack;

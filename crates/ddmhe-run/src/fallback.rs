@@ -1,6 +1,6 @@
 //! What a step does where the methods of this crate are not certain.
 
-use crate::active_set::problem::{LeastDistance, Outcome, Windows};
+use crate::active_set::problem::{Erased, LeastDistance, Outcome, Windows};
 use crate::active_set::working_set::WorkingSet;
 use crate::problem::{Data, Fit, Scratch, WindowSolution};
 use crate::status::Status;
@@ -16,17 +16,12 @@ pub trait Fallback {
 
     /// Into z and its window w, where the active-set method is not certain: the answer, or z* with
     /// its window if there is none; with the changes that it took.
-    fn decide<W: Windows>(
-        &self,
-        problem: &LeastDistance<'_, W>,
-        z: &mut [f64],
-        w: &mut [f64],
-    ) -> (Status, u32);
+    fn decide(&self, problem: &Erased<'_>, z: &mut [f64], w: &mut [f64]) -> (Status, u32);
 
     /// The same where the cost leaves directions to the least norm and bounds are active.
-    fn two_stages<W: Windows>(
+    fn two_stages(
         &self,
-        problem: &LeastDistance<'_, W>,
+        problem: &Erased<'_>,
         room: (&mut WorkingSet<'_>, &mut [f64]),
         z: &mut [f64],
         w: &mut [f64],
@@ -47,21 +42,16 @@ pub trait Fallback {
 pub struct Alone;
 
 impl Fallback for Alone {
-    fn decide<W: Windows>(
-        &self,
-        problem: &LeastDistance<'_, W>,
-        z: &mut [f64],
-        w: &mut [f64],
-    ) -> (Status, u32) {
+    fn decide(&self, problem: &Erased<'_>, z: &mut [f64], w: &mut [f64]) -> (Status, u32) {
         let r = problem.rows.r;
         z[..r].copy_from_slice(&problem.unconstrained[..r]);
         problem.windows.window(&z[..r], w);
         (Status::Failed, 0)
     }
 
-    fn two_stages<W: Windows>(
+    fn two_stages(
         &self,
-        problem: &LeastDistance<'_, W>,
+        problem: &Erased<'_>,
         _: (&mut WorkingSet<'_>, &mut [f64]),
         z: &mut [f64],
         w: &mut [f64],
@@ -79,8 +69,7 @@ impl Fallback for Alone {
     }
 }
 
-/// The dual active-set method and, where that is not certain, the fallback. Bounds that may be left
-/// are hard first: the answer is that of both where no multiplier is above its price.
+/// The dual active-set method and, where that is not certain, the fallback.
 #[inline(always)]
 pub fn decide<W: Windows>(
     problem: &LeastDistance<'_, W>,
@@ -90,41 +79,54 @@ pub fn decide<W: Windows>(
     w: &mut [f64],
 ) -> (Status, u32) {
     if problem.prices.is_some() {
-        return decide_priced(problem, fallback, (working, work), z, w);
+        return decide_erased(&problem.erased(), fallback, (working, work), z, w);
     }
     match problem.solve(working, work, z, w) {
         Outcome::Optimal(changes) => (Status::Optimal, changes),
-        Outcome::Infeasible(changes) => {
-            problem.windows.window(&problem.unconstrained[..problem.rows.r], w);
-            (Status::Infeasible, changes)
-        }
-        Outcome::Uncertain => fallback.decide(problem, z, w),
+        outcome => without_minimiser(outcome, &problem.erased(), fallback, z, w),
     }
 }
 
-/// The same where bounds may be left.
+/// The same of any problem. Bounds that may be left are hard first: the answer is that of both
+/// where no multiplier is above its price.
 #[cold]
-fn decide_priced<W: Windows>(
-    problem: &LeastDistance<'_, W>,
+pub fn decide_erased(
+    problem: &Erased<'_>,
     fallback: &impl Fallback,
     (working, work): (&mut WorkingSet<'_>, &mut [f64]),
     z: &mut [f64],
     w: &mut [f64],
 ) -> (Status, u32) {
-    let mut changes = 0;
-    if let Outcome::Optimal(of_hard) = problem.solve(working, work, z, w) {
-        if problem.below_prices(working, work) {
-            return (Status::Optimal, of_hard);
+    let (mut outcome, mut before) = (problem.solve_erased(working, work, z, w), 0);
+    if problem.prices.is_some() {
+        if let Outcome::Optimal(changes) = outcome {
+            if problem.below_prices(working, work) {
+                return (Status::Optimal, changes);
+            }
+            before = changes;
         }
-        changes = of_hard;
+        working.clear(); // which rows are left is found anew at each step
+        outcome = problem.priced(working, work, z, w);
     }
-    working.clear(); // which rows are left is found anew at each step
-    match problem.priced(working, work, z, w) {
-        Outcome::Optimal(more) => (Status::Optimal, changes + more),
-        Outcome::Infeasible(more) => {
-            problem.windows.window(&problem.unconstrained[..problem.rows.r], w);
-            (Status::Infeasible, changes + more)
+    match outcome {
+        Outcome::Optimal(changes) => (Status::Optimal, before + changes),
+        Outcome::Infeasible(changes) => {
+            without_minimiser(Outcome::Infeasible(before + changes), problem, fallback, z, w)
         }
-        Outcome::Uncertain => fallback.decide(problem, z, w),
+        outcome => without_minimiser(outcome, problem, fallback, z, w),
     }
+}
+
+/// The window of z* where no window is within the bounds; the fallback's where nothing is certain.
+#[cold]
+fn without_minimiser(
+    outcome: Outcome,
+    problem: &Erased<'_>,
+    fallback: &impl Fallback,
+    z: &mut [f64],
+    w: &mut [f64],
+) -> (Status, u32) {
+    let Outcome::Infeasible(changes) = outcome else { return fallback.decide(problem, z, w) };
+    problem.windows.window(&problem.unconstrained[..problem.rows.r], w);
+    (Status::Infeasible, changes)
 }

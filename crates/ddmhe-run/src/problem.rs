@@ -171,4 +171,8 @@ impl Windows for WindowProblem<'_> {
             self.disturbances.tall(&c_y[first..], z, &mut y[first..]);
         }
     }
+
+    fn erased(&self) -> &dyn Windows {
+        self
+    }
 }

@@ -217,11 +217,7 @@ impl<B: AsRef<[f64]> + AsMut<[f64]>, F: Fallback> Pass<'_, B, F> {
         let answer = out.fit();
         let (problem, fallback) = (self.problem, self.fallback);
         let room = (&mut working, &mut scratch);
-        let found = fallback.vectorised(
-            #[inline(always)]
-            || problem.solve(fallback, &data, room, answer),
-        );
-        if let Some(found) = found {
+        if let Some(found) = problem.solve_vectorised(fallback, &data, room, answer) {
             return found;
         }
         let room = (&mut working, &mut scratch);

@@ -28,6 +28,21 @@ use crate::status::Status;
 use crate::tol;
 
 impl WindowProblem<'_> {
+    /// [`solve`](Self::solve) on the fallback's vector units.
+    #[inline(always)]
+    pub fn solve_vectorised(
+        &self,
+        fallback: &impl Fallback,
+        data: &Data<'_>,
+        room: (&mut WorkingSet<'_>, &mut Scratch<'_>),
+        fit: Fit<'_>,
+    ) -> Option<WindowSolution> {
+        fallback.vectorised(
+            #[inline(always)]
+            || self.solve(fallback, data, room, fit),
+        )
+    }
+
     /// (16), (17): the minimiser's window into the scratch, and in the user's units into the answer.
     /// None where too little is left of the cost without the missing outputs: the problem must then
     /// be made anew for what was measured.
@@ -155,7 +170,7 @@ impl WindowProblem<'_> {
         } else if changed {
             return None; // its two stages are those of the full Hessian
         } else {
-            fallback.two_stages(&problem, (working, s.work), s.z, s.window)
+            fallback.two_stages(&problem.erased(), (working, s.work), s.z, s.window)
         };
         if data.is_reweighted() {
             working.forget_factor(); // of this Hessian, or of the problem made for this window

@@ -69,11 +69,11 @@ fn random(rng: &mut ChaCha8Rng) -> Random {
 }
 
 impl Random {
-    fn problem(&self) -> LeastDistance<'_, Dense> {
+    fn problem(&self) -> Erased<'_> {
         let prices = Prices { x: self.price, ..Prices::default() };
         let prices = prices.of_blocks([self.split, self.unit.len()]);
         let plain = self.dense.problem(&self.own, &self.lo, &self.hi, &self.free);
-        LeastDistance { hessian_factor: self.factor.as_deref(), prices, ..plain }
+        Erased { hessian_factor: self.factor.as_deref(), prices, ..plain }
     }
 
     /// Twice the cost that is halved there, infinite where a hard bound does not hold.

@@ -23,7 +23,7 @@
 //! bound.
 
 use crate::active_set::factor::{Work, solve_lower, solve_transposed, work_len};
-use crate::active_set::problem::{LeastDistance, Outcome, Windows};
+use crate::active_set::problem::{Erased, Outcome};
 use crate::active_set::working_set::{ActiveBound, Sides, WorkingSet};
 use crate::panels::{Root, axpy, dot, padded};
 use crate::tol;
@@ -36,7 +36,7 @@ pub fn priced_len(r: usize, rows: usize, soft: usize) -> usize {
     }
 }
 
-impl<W: Windows> LeastDistance<'_, W> {
+impl Erased<'_> {
     /// Into z and its window w, from no active bounds, in [`priced_len`] numbers of memory.
     #[cold]
     pub fn priced(
@@ -70,8 +70,8 @@ impl<W: Windows> LeastDistance<'_, W> {
         for row in (0..rows).filter(|row| self.slack(*row).is_some()) {
             (lo[row], hi[row]) = (f64::NEG_INFINITY, f64::INFINITY);
         }
-        let hard = LeastDistance { lo, hi, prices: None, ..*self };
-        let outcome = hard.solve(kept, memory, z, w);
+        let hard = Erased { lo, hi, prices: None, ..*self };
+        let outcome = hard.solve_erased(kept, memory, z, w);
         kept.clear();
         match outcome {
             Outcome::Infeasible(more) => Outcome::Infeasible(changes + more),
@@ -95,8 +95,8 @@ enum Event {
 }
 
 /// The problem in (t, s), s in the order in which rows were given their slots.
-struct Extended<'p, 'a, 'm, W: Windows> {
-    problem: &'p LeastDistance<'a, W>,
+struct Extended<'p, 'a, 'm> {
+    problem: &'p Erased<'a>,
     work: Work<'m>,
     sides: Sides<'m>,
     lo: &'m mut [f64], // bounds, moved by what they are left
@@ -108,8 +108,8 @@ struct Extended<'p, 'a, 'm, W: Windows> {
     changes: u32,
 }
 
-impl<'p, 'a, 'm, W: Windows> Extended<'p, 'a, 'm, W> {
-    fn new(problem: &'p LeastDistance<'a, W>, memory: &'m mut [f64], count: &'m mut usize) -> Self {
+impl<'p, 'a, 'm> Extended<'p, 'a, 'm> {
+    fn new(problem: &'p Erased<'a>, memory: &'m mut [f64], count: &'m mut usize) -> Self {
         let (rows, r) = (problem.rows.len(), problem.rows.r);
         let bounded = |row: usize| problem.lo[row].is_finite() || problem.hi[row].is_finite();
         let may_be_left = |row: &usize| bounded(*row) && problem.slack(*row).is_some();
@@ -225,7 +225,7 @@ impl<'p, 'a, 'm, W: Windows> Extended<'p, 'a, 'm, W> {
 
     /// z and its window from t, the moved bounds from s.
     fn reconstruct(&mut self, z: &mut [f64], w: &mut [f64]) {
-        let LeastDistance { rows, unconstrained, hessian_factor, windows, .. } = self.problem;
+        let Erased { rows, unconstrained, hessian_factor, windows, .. } = self.problem;
         let step = &mut self.work.back[..rows.r];
         step.copy_from_slice(&self.work.t[..rows.r]);
         if let Some(L) = hessian_factor {

@@ -20,6 +20,9 @@ pub enum Outcome {
 pub trait Windows {
     /// c + A z (padded) from z.
     fn window(&self, z: &[f64], window: &mut [f64]);
+
+    /// Itself, whatever it is.
+    fn erased(&self) -> &dyn Windows;
 }
 
 /// What the method trusts.
@@ -45,7 +48,7 @@ impl Trust {
 
 /// One problem. Its window is c + A z for z = z* + t, or z* + L⁻ᵀt for a Hessian L Lᵀ.
 #[derive(Clone, Copy)]
-pub struct LeastDistance<'a, W: Windows> {
+pub struct LeastDistance<'a, W: Windows + ?Sized> {
     /// The rows c + A z.
     pub rows: Rows<'a>,
     /// Smallest values of the rows, padded.
@@ -64,7 +67,18 @@ pub struct LeastDistance<'a, W: Windows> {
     pub prices: Option<RowPrices>,
 }
 
-impl<W: Windows> LeastDistance<'_, W> {
+/// A problem for what is rarely done, and so compiled once for all windows.
+pub type Erased<'a> = LeastDistance<'a, dyn Windows + 'a>;
+
+impl<'a, W: Windows + ?Sized> LeastDistance<'a, W> {
+    /// The same problem, whatever its windows are.
+    pub fn erased(&self) -> Erased<'a> {
+        let LeastDistance { rows, lo, hi, unconstrained, hessian_factor, windows, trust, prices } =
+            *self;
+        let windows = windows.erased();
+        LeastDistance { rows, lo, hi, unconstrained, hessian_factor, windows, trust, prices }
+    }
+
     /// The bound of a side.
     #[inline(always)]
     pub fn bound(&self, side: ActiveBound) -> f64 {

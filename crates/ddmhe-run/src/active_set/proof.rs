@@ -34,7 +34,7 @@ impl Combination {
     }
 }
 
-impl<W: Windows> LeastDistance<'_, W> {
+impl<W: Windows + ?Sized> LeastDistance<'_, W> {
     /// Whether n = N v with v ≤ 0 (in `back`) proves that no window is within the bounds: not even
     /// one that exceeds each of them by the tolerance of an optimal one, and after one refinement
     /// of v. See [`Combination`].

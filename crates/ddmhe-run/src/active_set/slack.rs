@@ -18,7 +18,7 @@ pub struct Slack {
     pub deviations: f64,
 }
 
-impl<W: Windows> LeastDistance<'_, W> {
+impl<W: Windows + ?Sized> LeastDistance<'_, W> {
     /// Of a row; None where its bounds are hard.
     #[inline(always)]
     pub fn slack(&self, row: usize) -> Option<Slack> {
@@ -33,6 +33,7 @@ impl<W: Windows> LeastDistance<'_, W> {
 
     /// Whether no multiplier of the active bounds that [`solve`](Self::solve) has left in `kept`,
     /// with its numbers in `memory`, is above what its price allows.
+    #[cold]
     pub fn below_prices(&self, kept: &WorkingSet<'_>, memory: &mut [f64]) -> bool {
         let work = Work::new(memory, self.rows.r);
         let below = |(side, u): (ActiveBound, &f64)| match self.slack(side.row) {

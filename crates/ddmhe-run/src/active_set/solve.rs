@@ -1,34 +1,24 @@
 //! The loop of the method.
 
 use crate::active_set::factor::{Work, solve_lower, solve_transposed};
-use crate::active_set::problem::{LeastDistance, Outcome, Windows};
+use crate::active_set::problem::{Erased, LeastDistance, Outcome, Windows};
 use crate::active_set::working_set::{ActiveBound, Sides, WorkingSet};
 use crate::panels::{Root, axpy, dot};
 use crate::status::Status;
 use crate::tol;
 
-impl<W: Windows> LeastDistance<'_, W> {
-    /// Into z and its window w (both padded), starting from the kept active bounds and leaving the
-    /// new ones there. z and w say nothing unless the outcome is [`Outcome::Optimal`].
-    #[inline(always)]
-    pub fn solve(
+impl Erased<'_> {
+    /// [`solve`](LeastDistance::solve), once in the program.
+    #[cold]
+    #[inline(never)]
+    pub fn solve_erased(
         &self,
         kept: &mut WorkingSet<'_>,
         memory: &mut [f64],
         z: &mut [f64],
         w: &mut [f64],
     ) -> Outcome {
-        let mut work = Work::new(memory, self.rows.r);
-        let warm = !kept.sides.is_empty();
-        let mut outcome = self.attempt(kept, &mut work, z, w);
-        if warm && outcome == Outcome::Uncertain {
-            kept.clear();
-            outcome = self.attempt(kept, &mut work, z, w);
-        }
-        if !matches!(outcome, Outcome::Optimal(_)) {
-            kept.clear();
-        }
-        outcome
+        self.solve(kept, memory, z, w)
     }
 
     /// From no active bounds: what it found and the multipliers of the bounds that it held active
@@ -46,6 +36,33 @@ impl<W: Windows> LeastDistance<'_, W> {
         let mut work = Work::new(memory, self.rows.r);
         let outcome = self.attempt(kept, &mut work, z, w);
         (outcome, &work.u[..kept.sides.len()])
+    }
+}
+
+impl<W: Windows + ?Sized> LeastDistance<'_, W> {
+    /// Into z and its window w (both padded), starting from the kept active bounds and leaving the
+    /// new ones there. z and w say nothing unless the outcome is [`Outcome::Optimal`].
+    #[inline(always)]
+    pub fn solve(
+        &self,
+        kept: &mut WorkingSet<'_>,
+        memory: &mut [f64],
+        z: &mut [f64],
+        w: &mut [f64],
+    ) -> Outcome {
+        let mut work = Work::new(memory, self.rows.r);
+        let mut warm = !kept.sides.is_empty();
+        loop {
+            let outcome = self.attempt(kept, &mut work, z, w);
+            if let Outcome::Optimal(_) = outcome {
+                return outcome;
+            }
+            kept.clear();
+            if !warm || outcome != Outcome::Uncertain {
+                return outcome;
+            }
+            warm = false;
+        }
     }
 
     #[inline(always)]

@@ -1,7 +1,7 @@
 //! Windows by plain loops.
 
 use crate::own::OwnRows;
-use ddmhe_run::active_set::{LeastDistance, Trust, Windows};
+use ddmhe_run::active_set::{Erased, Trust, Windows};
 use faer::Mat;
 
 /// c + A z with c = 0.
@@ -13,6 +13,10 @@ impl Windows for Dense {
         let along = |i: usize| z.iter().enumerate().map(|(j, z)| A[(i, j)] * z).sum();
         (0..A.nrows()).for_each(|i| w[i] = along(i));
     }
+
+    fn erased(&self) -> &dyn Windows {
+        self
+    }
 }
 
 impl Dense {
@@ -23,9 +27,9 @@ impl Dense {
         lo: &'a [f64],
         hi: &'a [f64],
         unconstrained: &'a [f64],
-    ) -> LeastDistance<'a, Dense> {
+    ) -> Erased<'a> {
         let (rows, trust) = (rows.rows(), Trust::CERTAIN);
         let (windows, hessian_factor, prices) = (self, None, None);
-        LeastDistance { rows, lo, hi, unconstrained, hessian_factor, windows, trust, prices }
+        Erased { rows, lo, hi, unconstrained, hessian_factor, windows, trust, prices }
     }
 }
