@@ -258,6 +258,34 @@ def test_tune_keeps_the_horizons_that_were_scored_in_full():
     assert np.isfinite(ddmhe.DdMhe(h, **finished.settings).step(record.y[80]).x).all()
 
 
+def test_an_interrupted_tune_keeps_the_default_where_others_take_too_long(monkeypatch):
+    """The ends of the recording are asked before the search, and no other setting after it."""
+    record = ddmhe.models.detumbling().simulate(9.0, 0.1, noise=1e-4)
+    h = ddmhe.History(record.x[:81], record.y[:80], dt=0.1)
+    monkeypatch.setattr("ddmhe.tuning.search.HURRY", 0.0)
+    made = []
+    of = ddmhe.tuning.result.DdMhe
+
+    def counted(*args, **given):
+        made.append(given)
+        return of(*args, **given)
+
+    def stop(done, total):
+        if done > 0.6 * total:
+            monkeypatch.setattr("ddmhe.tuning.result.DdMhe", counted)
+            monkeypatch.setattr("ddmhe.tuning.promise.DdMhe", counted)
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt) as caught:
+        ddmhe.tune(h, progress=stop)
+    finished = caught.value.finished
+    assert "is kept: there was no time to try the best of the others" in finished.words
+    assert not made
+    assert finished.settings == {}
+    whole = ddmhe.tune(h, progress=False)
+    assert whole.settings != {} or (finished.promise == whole.promise).all()
+
+
 def slow(job):
     time.sleep(0.05 if job < 3 else 300)
     return job

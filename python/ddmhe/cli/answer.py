@@ -37,7 +37,7 @@ class Answer:
         self._facts: dict[str, Any] = {"command": command, "ddmhe": version("ddmhe")}
         self._warnings: list[str] = []
         self._written: list[str] = []
-        self._stopped = False
+        self.stopped = False
         self._notes: list[str] = []
 
     @property
@@ -93,16 +93,16 @@ class Answer:
 
     def stop(self) -> None:
         """The work was interrupted: what was finished is answered, and the exit code says so."""
-        self._stopped = True
+        self.stopped = True
 
     def end(self) -> None:
         """The JSON object, where one is wanted; Abort after an interrupt."""
         self._say_notes()
         if self.as_json:
-            ends = {"warnings": self._warnings, "written": self._written, "stopped": self._stopped}
+            ends = {"warnings": self._warnings, "written": self._written, "stopped": self.stopped}
             text = json.dumps(plain(self._facts | ends), allow_nan=False, ensure_ascii=False)
             sys.stdout.write(text + "\n")
-        if self._stopped:
+        if self.stopped:
             raise click.Abort
 
 

@@ -51,7 +51,6 @@ def command(
     better than the default rule's. Writes tune.toml, which `estimate --config` accepts and which
     holds nothing but the start where the default rule is kept, the scores as tune.csv and tune.png
     into DIR."""
-    from ddmhe.report.figures import tuning_figure
     from ddmhe.tuning import tune as tuned
 
     samples, split = read(answer, log, given)
@@ -67,10 +66,14 @@ def command(
         answer.stop()
         found = e.finished  # type: ignore[attr-defined]
     out.mkdir(parents=True, exist_ok=True)
-    written = [out / name for name in ("tune.toml", "tune.csv", "tune.png")]
+    written = [out / name for name in ("tune.toml", "tune.csv")]
     write_config(written[0], found.settings | {"start": found.start})
     write(written[1], lambda beside: found.table.to_csv(beside, index=False))
-    report.save_figure(tuning_figure(found.table), written[2])
+    if not answer.stopped:  # an interrupt has no time for figures
+        from ddmhe.report.figures import tuning_figure
+
+        written.append(out / "tune.png")
+        report.save_figure(tuning_figure(found.table), written[-1])
     shown = len(found.table) if answer.verbose else BEST
     best = "all" if answer.verbose else f"the {BEST} best"
     title = f"Settings for {word(log.name)}, {best} of {len(found.table)}"

@@ -4,22 +4,22 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from ddmhe._core import DdMhe
+from ddmhe._core import DdMhe, History
 from ddmhe.tuning.candidates import Candidate
 from ddmhe.tuning.folds import QUARTERS, Fold, Recorded
-from ddmhe.tuning.promise import promise_of, ratio_to
-from ddmhe.tuning.verdict import Verdict, ends_agree, undecided, verdict_on
+from ddmhe.tuning.promise import Promise, promise_of, ratio_to
+from ddmhe.tuning.verdict import Verdict, ends_agree, undecided, unjudged, verdict_on
 from ddmhe.tuning.words import words_for
 
 Array = NDArray[np.float64]
 
-__all__ = ["Tuning", "tuning_of"]
+__all__ = ["Standing", "Tuning", "tuning_of"]
 
 FEWEST = 10
 """Samples of a quarter below which it shows nothing beyond doubt."""
@@ -80,21 +80,37 @@ class Tuning:
     """Trajectory space in force."""
 
 
+class Standing(NamedTuple):
+    """What a setting is and does, apart from any choice."""
+
+    est: DdMhe
+    promise: Promise
+
+    @classmethod
+    def of(
+        cls, history: History, ends: list[Fold], rehearsals: list[Fold], given: dict[str, Any]
+    ) -> Standing:
+        """Of keywords of DdMhe."""
+        est = DdMhe(history, start="recording", **given)  # without the short windows: sooner there
+        return cls(est, promise_of(history, ends, rehearsals, given, est.horizon))
+
+
 def tuning_of(
     recorded: Recorded,
     ends: list[Fold],
     rehearsals: list[Fold],
     ranked: list[Candidate],
     default: Candidate,
+    hurried: Standing | None = None,
 ) -> Tuning:
-    """The result for what was scored; `ranked` are the candidates, best first."""
+    """The result for what was scored; `ranked` are the candidates, best first. `hurried` is the
+    default rule's standing where there is no time for that of another."""
     history = recorded.history
-    rule = _rule(ranked, default)
-    verdict = _judged(recorded, ends, ranked, rule)
+    rule = _rule(ranked, default) if hurried is None else default
+    verdict = _judged(recorded, ends, ranked, rule) if hurried is None else unjudged(default)
     best = verdict.chosen
-    est = DdMhe(history, start="recording", **best.given)  # without the short windows: sooner there
+    est, promise = hurried or Standing.of(history, ends, rehearsals, best.given)
     settings = _in_force(best, est)
-    promise = promise_of(history, ends, rehearsals, best.given, est.horizon)
     ratio = np.ones(history.n)
     if best is not default:
         others = promise_of(history, ends, [], default.given, default.horizon)

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import sys
+import time
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import replace
 from typing import Any
 
@@ -14,19 +15,21 @@ from rich.console import Console
 from rich.progress import Progress
 from threadpoolctl import threadpool_limits
 
-from ddmhe._core import History, RankError, check_settings, validate
+from ddmhe._core import DdmheError, History, RankError, check_settings, validate
 from ddmhe.checks import check_flag, check_history
 from ddmhe.tuning.arguments import extra_noise
 from ddmhe.tuning.candidates import Candidate, candidates_for
 from ddmhe.tuning.folds import Fold, Recorded, ends_of, quarters, whole
 from ddmhe.tuning.rehearsals import DRAWS, rehearsals_of
-from ddmhe.tuning.result import Tuning, tuning_of
+from ddmhe.tuning.result import Standing, Tuning, tuning_of
 from ddmhe.tuning.score import Score, ranking
 
 Array = NDArray[np.float64]
 
 __all__ = ["tune"]
 
+HURRY = 0.1
+"""Seconds that estimators on ends of the recording may take if an interrupt is to wait for some."""
 SHORTEST = 20
 """Fewest samples of a recording of which parts can be held out."""
 
@@ -107,6 +110,8 @@ class Search:
         compared."""
         self.results: Sequence[Score | None] = []
         """Of each candidate's jobs, in order, once all are there."""
+        self.standing: Standing | None = None
+        """The default rule's, where that takes long."""
 
     def through(self, report: Callable[[int, int], object]) -> Tuning:
         """All of it; `report` is told (parts done, parts in all)."""
@@ -119,6 +124,7 @@ class Search:
             total = parts + len(candidates) * (len(folds) + DRAWS)
             self.rehearsals = rehearsals_of(self.recorded, lambda done: report(done, total))
             folds += self.rehearsals
+        self._stand(candidates[0])
         jobs = self._jobs(len(folds))
         total = parts + len(jobs)
         self.results = validate(folds, jobs, lambda done: report(parts + done, total))
@@ -130,6 +136,14 @@ class Search:
                 "found none"
             )
         return tuning_of(self.recorded, self.ends, self.rehearsals, ranked, self.order[0])
+
+    def _stand(self, default: Candidate) -> None:
+        """Keeps the default rule's standing for an interrupt that has no time for others."""
+        begin = time.perf_counter()
+        with suppress(DdmheError):  # one too short a recording is told of by its scores
+            standing = Standing.of(self.recorded.history, self.ends, [], default.given)
+            if time.perf_counter() - begin > HURRY:
+                self.standing = standing
 
     def _jobs(self, folds: int) -> list[tuple[int, dict[str, Any]]]:
         """(fold, keywords of DdMhe), fold by fold for each candidate.
@@ -163,7 +177,7 @@ class Search:
         if not ranked:
             return None
         # an interrupt has no time for rehearsals
-        chosen = tuning_of(self.recorded, self.ends, [], ranked, order[0])
+        chosen = tuning_of(self.recorded, self.ends, [], ranked, order[0], self.standing)
         words = f"Stopped: {len(kept)} of {len(order)} settings were scored. {chosen.words}"
         return replace(chosen, words=words)
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -16,7 +16,7 @@ from ddmhe.tuning.score import log_error, rating
 
 Array = NDArray[np.float64]
 
-__all__ = ["MARGIN", "Verdict", "ends_agree", "undecided", "verdict_on"]
+__all__ = ["MARGIN", "Verdict", "ends_agree", "undecided", "unjudged", "verdict_on"]
 
 MARGIN = {"rehearsals": 0.3, "quarters": 0.5}
 """What the log error has to be smaller by than the default rule's, by what decides. On measured
@@ -35,11 +35,18 @@ class Verdict:
     """The same of each rehearsal."""
     refused: bool = False
     """Whether the ends of the recording did not show what the other parts did."""
+    hurried: bool = False
+    """Whether there was no time to ask the ends."""
 
 
 def undecided(default: Candidate) -> Verdict:
     """The default rule, where nothing compares."""
     return Verdict(default, np.full(QUARTERS, math.nan), None)
+
+
+def unjudged(default: Candidate) -> Verdict:
+    """The default rule, where there is no time for a verdict."""
+    return replace(undecided(default), hurried=True)
 
 
 def verdict_on(ranked: list[Candidate], default: Candidate) -> Verdict:

@@ -84,6 +84,11 @@ def _decision(verdict: Verdict, rules: tuple[Candidate, Candidate], others: int)
     default, rule = rules
     moved = verdict.chosen is not rule
     name_of_rule = "The default rule" if rule is default else "This filter"
+    if verdict.hurried:
+        return (
+            f"{name_of_rule} is kept: there was no time to try the best of the others on ends of "
+            "the recording."
+        )
     judges = verdict.quarters if verdict.rehearsals is None else verdict.rehearsals
     name = "quarters" if verdict.rehearsals is None else "rehearsals"
     if not np.isfinite(judges).all():
