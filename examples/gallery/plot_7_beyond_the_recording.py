@@ -12,7 +12,9 @@ import numpy as np
 
 import ddmhe
 
-record = ddmhe.models.detumbling().simulate(duration=620.0, dt=0.1, noise=0.01)
+record = ddmhe.models.detumbling().simulate(
+    duration=620.0, dt=0.1, noise=0.01, integrator="accurate"
+)
 x = record.x[:201] + 1e-4 * np.random.default_rng(0).standard_normal((201, 3))  # read with noise
 history = ddmhe.History(x, record.y[:200], dt=0.1, x_units="rad/s", y_units="N m")
 truth = record.x[201:]

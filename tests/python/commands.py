@@ -42,3 +42,9 @@ def in_here(*arguments, cwd=None):
 def printed(result, label):
     """The number that a table prints beside `label`."""
     return float(re.search(rf"{re.escape(label)}\s*│\s*([-\d.e+]+)", result.stdout).group(1))
+
+
+def printed_cells(result, label):
+    """The numbers of all columns of a table beside `label`."""
+    row = re.search(rf"│ {re.escape(label)}\s*│(.*)│$", result.stdout, re.MULTILINE).group(1)
+    return [float(cell) for cell in row.split("│")]

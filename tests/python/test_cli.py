@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from commands import COLUMNS, PNG, in_a_process, in_here, printed
+from commands import COLUMNS, PNG, in_a_process, in_here, printed_cells
 from ddmhe.models import detumbling
 
 
@@ -17,13 +17,19 @@ def test_demo_writes_its_files_and_beats_a_constant(tmp_path):
     result = in_a_process("demo", "--out", "here", "--seed", 2, cwd=tmp_path)
     assert result.returncode == 0
     assert all(line.startswith("ddmhe: warning: ") for line in result.stderr.splitlines())
-    truth = detumbling().simulate(120.0, 0.1).x[201:]
-    written = pd.read_csv(tmp_path / "here" / "estimate.csv")
-    np.testing.assert_allclose(written["time_s"], 0.1 * np.arange(201, 1201), rtol=1e-12)
-    error = np.rad2deg(written.iloc[:, 1:4].to_numpy() - truth)
-    norm = np.sqrt(np.mean(np.sum(error**2, axis=1)))
-    assert printed(result, "RMSE norm 100 s") == pytest.approx(norm, abs=1e-4)
-    assert norm < np.rad2deg(np.sqrt(truth.var(axis=0).sum()))
+    truth = detumbling().simulate(620.0, 0.1, integrator="accurate").x[201:]
+    norms = []
+    for column, file in ((0, "estimate.csv"), (2, "rigid-body.csv")):
+        written = pd.read_csv(tmp_path / "here" / file)
+        np.testing.assert_allclose(written["time_s"], 0.1 * np.arange(201, 6201), rtol=1e-12)
+        error = np.rad2deg(written.iloc[:, 1:4].to_numpy() - truth)
+        for seconds in (20, 40, 100, 600):
+            norm = np.sqrt(np.mean(np.sum(error[: 10 * seconds] ** 2, axis=1)))
+            told = printed_cells(result, f"RMSE norm {seconds} s")[column]
+            assert told == pytest.approx(norm, abs=1e-4)
+            norms.append(norm)
+    assert norms[2] < np.rad2deg(np.sqrt(truth[:1000].var(axis=0).sum()))
+    assert max(norms[4:]) < 0.1
     assert (tmp_path / "here" / "estimate.png").read_bytes().startswith(PNG)
 
 

@@ -70,11 +70,11 @@ def test_json_has_every_number_of_the_tables(answered, name):
         for cell in row.split("│")[1:]
     ]
     checked = 0
+    # times differ from run to run
+    cells = [cell for cell in cells if not cell.strip().endswith(" us")]
     for text in re.findall(r"(?<![\w.])-?\d+\.?\d*(?:e[-+]\d+)?(?=[%\s,)]|$)", "\n".join(cells)):
         # as many digits as are shown, in the unit that is shown: per cent, microseconds
         value, digits = float(text), len(re.sub(r"e.*|[-.]", "", text).lstrip("0")) or 1
-        if name == "demo" and "us" in shown.stdout and value < 100 and digits <= 2:
-            continue  # times differ from run to run
         near = [np.abs(scale * numbers - value) for scale in (1.0, 100.0)]
         room = 0.51 * 10.0 ** (np.floor(np.log10(abs(value))) - digits + 1) if value else 1e-4
         assert min(part.min() for part in near) <= room, (text, name)
