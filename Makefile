@@ -177,6 +177,9 @@ picture: setup ## the README's picture and the errors below it
 study-campaign: setup ## dispersed satellites with every estimator; docs/measured/campaign.md
 	OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 $(PY) studies/campaign.py
 
+study-campaign-tuning: setup ## settings for all dispersed satellites at once; docs/measured/campaign.md
+	OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 $(PY) studies/campaign_tuning.py
+
 study-campaign-scale: setup ## what a campaign costs beside a bare loop; docs/measured/campaign.md
 	OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 $(PY) studies/campaign_scale.py
 

@@ -79,10 +79,10 @@ def checked_settings(where: str, kind: str, settings: Mapping[str, Any]) -> None
         known: Any = setting_names()
     elif kind == "intervals":
         known = INTERVALS
-    elif kind == "RigidBodyMhe":
-        known = ("x_noise", "y_noise", "output_noise", "x_bounds", "refit")
     else:
-        known = list(inspect.signature(OTHERS[kind].__init__).parameters)[2:]
+        known = list(inspect.signature(OTHERS[kind]).parameters)[1:]
+        if kind == "RigidBodyMhe":
+            known.remove("fallback")  # an estimator, which no spec can write
     for name, value in settings.items():
         check_name(f"{where}.settings", name, known)
         if kind in ("DdMhe", "tuned"):

@@ -44,7 +44,7 @@ def _recordings(spec: Spec, system: str) -> Iterator[Data]:
             level = {"noise": scenario.noise, "faults": scenario.fault}.get(about)
             if level is not None:
                 raise CampaignError(f"{about}.{level}.{words} (systems.{system})") from e
-        except OSError:  # a log that cannot be read
+        except Exception:  # it is a failing case: a log that cannot be read
             continue
 
 
@@ -57,7 +57,7 @@ def _refusal(table: Mapping[str, Any], recordings: list[Data]) -> str:
     for data in recordings:
         try:
             made(table, data.history, data.noise)
-        except DdmheError as e:
+        except Exception as e:
             words = str(e)
             about = words.partition(":")[0].split(", ")
             if not any(name in settings for name in about):
