@@ -164,6 +164,8 @@ def _axes(log: Any, ax: Axes | None) -> Axes:
     if not isinstance(log, Log | StepLog):
         raise DdmheError(f"log: expected a Log, as run gives it, found {shown(log)}")
     if ax is not None:
+        if not hasattr(ax, "plot"):
+            raise DdmheError(f"ax: expected Axes of matplotlib, found {shown(ax)}")
         return ax
     from matplotlib import pyplot
 

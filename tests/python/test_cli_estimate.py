@@ -281,3 +281,10 @@ def test_measured_pendulum_logs(trial, tmp_path):
     step = clock.diff()[clock.diff() < 0.009].mean()
     off = (t.diff().dropna() / (4 * step) + 0.5) % 1 - 0.5
     assert off.abs().max() < 0.2  # a row off is a quarter
+
+
+def test_more_directions_than_there_are_are_told(log):
+    result = in_here("estimate", log, *COLUMNS, "--history", 20, "--space", "truncated:999")
+    assert re.search(
+        r"trajectory space +│ \d+ directions, no more are there \(given: 999\)", result.stdout
+    )

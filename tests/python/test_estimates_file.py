@@ -129,6 +129,7 @@ def test_what_was_there_is_replaced_and_told(log, tmp_path):
     again = in_here("estimate", log, *COLUMNS, "--out", out)
     assert f"wrote {out}\n" in first.stdout
     assert f"replaced {out}\n" in again.stdout
+    assert "wrote" not in again.stdout  # what describes it was there, too
     assert sorted(p.name for p in tmp_path.iterdir()) == ["est.npz"]
 
 

@@ -78,3 +78,8 @@ def test_the_package_lists_the_names_of_its_api_alone():
     code = "import sys, ddmhe; dir(ddmhe); print('matplotlib' in sys.modules)"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout == "False\n"
+
+
+def test_axes_are_asked_for():
+    with pytest.raises(ddmhe.DdmheError, match="ax: expected Axes of matplotlib, found"):
+        ddmhe.plot.states(LOG, np.array([None, None]))

@@ -34,7 +34,7 @@ from ddmhe.cli.settings import OF_ESTIMATOR, setting_options, settings_from_file
 from ddmhe.cli.telling import in_words_of
 from ddmhe.files import check_writable
 from ddmhe.recordings import Log, Recorded
-from ddmhe.report.estimates_file import check_ending
+from ddmhe.report.estimates_file import check_ending, described_in
 from ddmhe.report.trust import Trust
 from ddmhe.report.viewer import check_recording
 
@@ -101,7 +101,8 @@ def command(
     if viewed is not None:
         check_recording(viewed, "--rerun")
     target, figure = _targets(log, out, plot)
-    places = (target, figure, page, viewed)
+    described = None if target is None else described_in(target)
+    places = (target, described, figure, page, viewed)
     replaced = [path for path in places if path is not None and path.exists()]
     how = read_as(given)
     samples, split = read(answer, log, given)

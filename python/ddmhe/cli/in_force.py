@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ddmhe import report
-from ddmhe._core import DdMhe
+from ddmhe._core import DdMhe, Truncated
 from ddmhe.checks import file_words
 from ddmhe.cli.answer import Answer
 
@@ -33,7 +33,9 @@ def in_force(est: DdMhe, named: Mapping[str, Any], givers: Mapping[str, str]) ->
     rows = report.settings(est)
     for key, value in named.items():
         by = givers.get(key, "by the kind of log")
-        if key in LABELS:
+        if isinstance(value, Truncated) and (value.rank or 0) > est.rank:
+            rows[LABELS[key]] += f", no more are there ({by}: {value.rank})"
+        elif key in LABELS:
             rows[LABELS[key]] += f" ({by})"
         elif key.endswith("_bounds"):
             rows[key.replace("_", " ")] = f"{_words(value[0])} to {_words(value[1])} ({by})"

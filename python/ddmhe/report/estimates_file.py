@@ -23,7 +23,7 @@ from ddmhe.recordings.libraries import library
 from ddmhe.recordings.reading import Recorded
 from ddmhe.report.trust import reason_words
 
-__all__ = ["ENDINGS", "EstimatesFile", "check_ending", "write_estimates_file"]
+__all__ = ["ENDINGS", "EstimatesFile", "check_ending", "described_in", "write_estimates_file"]
 
 ENDINGS = (".csv", ".parquet", ".npz", ".mat")
 LONGEST_NAME = 63
@@ -96,6 +96,11 @@ def check_ending(path: Path) -> None:
         library("pyarrow.parquet", str(path), "a Parquet file")
 
 
+def described_in(path: Path) -> Path:
+    """Where what a CSV file holds is described."""
+    return path.with_name(path.name + "-metadata.json")
+
+
 def write_estimates_file(path: Path, file: EstimatesFile) -> list[Path]:
     """Write estimates in the format that the ending names; the paths that were written."""
     check_path("path", path)
@@ -103,7 +108,7 @@ def write_estimates_file(path: Path, file: EstimatesFile) -> list[Path]:
     ending = path.suffix.lower()
     if ending == ".csv":
         write(path, lambda beside: _frame(file).to_csv(beside, index=False))
-        described = path.with_name(path.name + "-metadata.json")
+        described = described_in(path)
         write_text(described, json.dumps(_csv_metadata(path, file), indent=1) + "\n")
         return [path, described]
     writer = {".parquet": _parquet, ".npz": _npz, ".mat": _mat}[ending]
