@@ -85,8 +85,8 @@ def check_stop(process, folder, whole):
     """Ctrl-C ends a campaign and keeps what is finished."""
     at(process, 0.2)
     os.killpg(process.pid, signal.SIGINT)
-    out, _ = process.communicate(timeout=300)
-    assert process.returncode == 130
+    out, err = process.communicate(timeout=300)
+    assert (process.returncode, err) == (130, "")
     assert json.loads(out.splitlines()[-1])["stopped"]
     kept = campaign.open(folder)
     assert 0 < len(kept.rows) < 64

@@ -3,6 +3,8 @@ command runs."""
 
 from __future__ import annotations
 
+import atexit
+import logging
 import os
 import sys
 from pathlib import Path
@@ -23,6 +25,9 @@ if TYPE_CHECKING:
 __all__ = ["command"]
 
 UNITS = ("bytes", "kB", "MB", "GB", "TB")
+TOLD = ("rmse_all", "nees_all", "within_3sd", "inside", "trusted", "unnoticed", "status",
+        "settings")  # fmt: skip
+"""What is told of a case that is run again, as far as it is known."""
 
 
 @click.group("campaign", short_help="Thousands of cases on this machine or a cluster.")
@@ -78,22 +83,26 @@ def _run(answer: Answer, spec: Path | None, **given: Any) -> None:
                 workers=given["workers"], progress=tell,
             )  # fmt: skip
     except KeyboardInterrupt:
+        _end_soon()
         answer.say(
             f"stopped; finished parts are kept: ddmhe campaign run --resume {file_words(folder)}"
         )
         answer.stop()
-        _end_soon()
         return
     _tell(answer, campaign)
 
 
 def _end_soon() -> None:
-    """Dask's own end may wait for workers, which are gone."""
+    """Dask's own end waits for workers, which are gone, and says so."""
 
     def end() -> None:
         sys.stdout.flush()
         os._exit(STOPPED)
 
+    logging.disable()
+    clusters = sys.modules.get("distributed.deploy.spec")  # not yet where it came early
+    if clusters is not None:
+        atexit.unregister(clusters.close_clusters)
     timer = Timer(GRACE, end)
     timer.daemon = True
     timer.start()
@@ -173,7 +182,9 @@ def _report(answer: Answer, folder: Path, against: Path | None, out: Path | None
     worse = [one for one in found or [] if one.reasons]
     for one in worse:
         answer.say(f"worse: {one.estimator} on {one.system}: {'; '.join(one.reasons)}")
-    if found is not None:
+    if against is not None:
+        if not worse:
+            answer.say(f"no estimator is worse than in {file_words(against)}")
         answer.facts(worse=[
             {"system": one.system, "estimator": one.estimator, "reasons": one.reasons}
             for one in worse
@@ -198,17 +209,10 @@ def _replay(answer: Answer, folder: Path, case: int, page: Path | None) -> None:
     row = found.row
     answer.say(f"case {case}: {row['estimator']} on {row['system']}, noise {row['noise']}, fault "
                f"{row['fault']}, seed {row['seed']}: {row['outcome']} {row['error']}")  # fmt: skip
-    for name in (
-        "rmse_all",
-        "nees_all",
-        "within_3sd",
-        "trusted",
-        "unnoticed",
-        "status",
-        "settings",
-    ):
-        if row.get(name) is not None:
-            answer.say(f"{name}: {row[name]}")
+    for name in TOLD:
+        value = row.get(name)
+        if value not in (None, "{}") and value == value:
+            answer.say(f"{name}: {value}")
     if found.differs is None:
         answer.say("the campaign has no row of it yet")
     elif found.differs:
