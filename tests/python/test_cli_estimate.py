@@ -1,5 +1,6 @@
 """`ddmhe estimate` as a user meets it: files in a directory, one row per row of the log."""
 
+import json
 import os
 import re
 from pathlib import Path
@@ -288,3 +289,39 @@ def test_more_directions_than_there_are_are_told(log):
     assert re.search(
         r"trajectory space +│ \d+ directions, no more are there \(given: 999\)", result.stdout
     )
+
+
+def test_the_lifted_estimator(tmp_path):
+    """The same numbers as in Python; settings that it has not are those of DdMhe in its place."""
+    record = ddmhe.models.pendulum().simulate(40.0, 0.05, noise=0.002)
+    rows = np.column_stack([record.t, record.x, record.y])
+    np.savetxt(tmp_path / "log.csv", rows, "%.17g", ",", header="time_s,a,w,y", comments="")
+    columns = ["log.csv", "--state", "a,w", "--output", "y", "--history", 15]
+    options = ["--estimator", "lifted", "--horizon", 12, "--out", "est.npz"]
+    result = in_here("estimate", *columns, *options, cwd=tmp_path)
+    assert result.returncode == 0, result.stderr
+    h = ddmhe.History(record.x[:301], record.y[:300], dt=0.05)
+    est = ddmhe.LiftedMhe(h, fallback={"horizon": 12, "start": "recording"})
+    log = est.run(record.y[300:-1])
+    assert est.chosen
+    found = np.load(tmp_path / "est.npz")
+    np.testing.assert_array_equal(np.column_stack([found["a"], found["w"]]), log.x)
+    np.testing.assert_array_equal(np.column_stack([found["a_std"], found["w_std"]]), log.std)
+    np.testing.assert_array_equal(found["status"], log.status)
+    for words in (r"polynomial model +│ degree 3", r"horizon +│ 12 \(given\)"):
+        assert re.search(words, result.stdout)
+    told = json.loads(in_here("estimate", *columns, *options, "--json", cwd=tmp_path).stdout)
+    assert (told["estimator"], told["chosen"], told["degree"]) == ("lifted", True, 3)
+    live = in_here("estimate", *columns, *options, "--follow", cwd=tmp_path)
+    assert "--estimator: expected dd with --follow" in live.stderr
+
+
+def test_logs_written_in_python_are_joined():
+    """What a progress bar runs in pieces is what one run is."""
+    from ddmhe.cli.running import _joined
+
+    record = ddmhe.models.pendulum().simulate(20.0, 0.05, noise=0.002)
+    h = ddmhe.History(record.x[:201], record.y[:200], dt=0.05)
+    est, again = ddmhe.LiftedMhe(h), ddmhe.LiftedMhe(h)
+    parts = [est.run(record.y[200:230]), est.run(record.y[230:300])]
+    assert _joined(parts) == again.run(record.y[200:300])

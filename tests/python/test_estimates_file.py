@@ -129,8 +129,15 @@ def test_what_was_there_is_replaced_and_told(log, tmp_path):
     again = in_here("estimate", log, *COLUMNS, "--out", out)
     assert f"wrote {out}\n" in first.stdout
     assert f"replaced {out}\n" in again.stdout
-    assert "wrote" not in again.stdout  # what describes it was there, too
     assert sorted(p.name for p in tmp_path.iterdir()) == ["est.npz"]
+
+
+def test_what_describes_a_csv_is_replaced_and_told(log, tmp_path):
+    out = tmp_path / "est.csv"
+    in_here("estimate", log, *COLUMNS, "--out", out)
+    again = in_here("estimate", log, *COLUMNS, "--out", out)
+    assert f"replaced {out}-metadata.json\n" in again.stdout
+    assert "wrote" not in again.stdout
 
 
 def test_without_out_it_is_said_that_nothing_was_written(log, tmp_path):

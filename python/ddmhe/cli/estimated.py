@@ -14,6 +14,7 @@ from ddmhe import report
 from ddmhe._core import History
 from ddmhe._core import Log as Estimates
 from ddmhe.checks import word
+from ddmhe.frames import told
 from ddmhe.recordings import Log, Recorded
 from ddmhe.report.estimates_file import EstimatesFile, write_estimates_file
 from ddmhe.report.trust import BARS, Trust
@@ -36,11 +37,10 @@ def summary(
     rows = {"history": f"T = {split.history.T} samples of {log.dt:.4g} s"}
     rows |= {"gaps filled": f"{filled} samples"} if filled else {}
     rows |= {f"delay of {name}": f"{seconds:.4g} s" for name, seconds in log.delay.items()}
-    rows |= dict(settings) | report.outcome(estimates.status, estimates.active)
-    if estimates.bound is not None:
-        rows["error bound"] = (
-            f"{np.median(estimates.bound):.4g} median, {np.max(estimates.bound):.4g} at most"
-        )
+    rows |= dict(settings) | report.outcome(estimates.status, told(estimates, "active"))
+    bound = told(estimates, "bound")
+    if bound is not None:
+        rows["error bound"] = f"{np.median(bound):.4g} median, {np.max(bound):.4g} at most"
     rows |= _rejected(log.names.output, estimates)
     if promise is not None:
         rows |= {
@@ -59,6 +59,7 @@ def facts(
     log, h = split.log, split.history
     states = log.names.state
     trust = Trust.of_log(estimates)
+    active, bound = told(estimates, "active"), told(estimates, "bound")
     found: dict[str, Any] = {
         "dt": log.dt,
         "filled": int(np.sum(log.lines == 0)),
@@ -66,12 +67,12 @@ def facts(
         **of_system,
         "steps": len(estimates.x),
         "status": Counter(map(str, estimates.status)),
-        "no_bound_active": float(np.mean(estimates.active == 0)),
+        "no_bound_active": None if active is None else float(np.mean(active == 0)),
         "promise": None if promise is None else dict(zip(states, promise, strict=True)),
         "trusted": None if trust is None else float(np.mean(trust.trusted)),
     }
-    if estimates.bound is not None:
-        found["bound"] = {"median": np.median(estimates.bound), "max": np.max(estimates.bound)}
+    if bound is not None:
+        found["bound"] = {"median": np.median(bound), "max": np.max(bound)}
     if estimates.evidence is not None:
         gated = estimates.evidence.gated.sum(axis=0)
         found["rejected"] = dict(zip(log.names.output, gated, strict=True))

@@ -4,17 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 import numpy as np
 from numpy.typing import NDArray
 
-from ddmhe._core import DdMhe, Log, RigidBodyMhe
+from ddmhe._core import DdMhe, RigidBodyMhe
 from ddmhe.cli.answer import Answer
-from ddmhe.cli.in_force import in_force, say_why
+from ddmhe.cli.in_force import BY_LOG, in_force, say_why, words_of
 from ddmhe.cli.metadata import IN_FORCE
 from ddmhe.recordings import Recorded
+
+if TYPE_CHECKING:
+    from ddmhe.lifted import LiftedMhe
 
 Array = NDArray[np.float64]
 
@@ -23,13 +26,17 @@ __all__ = ["Chosen", "choose", "estimator_option"]
 RIGID = ("output_noise", "x_bounds")
 """Settings of DdMhe that RigidBodyMhe has, too."""
 
+OF_LIFTED = ("output_noise", "x_bounds")
+"""Settings of LiftedMhe; the others are those of the DdMhe in its place."""
+
 estimator_option = click.option(
     "--estimator",
-    type=click.Choice(["dd", "rigid-body"]),
+    type=click.Choice(["dd", "rigid-body", "lifted"]),
     default="dd",
     show_default=True,
     help="dd: DdMhe. rigid-body: the three rates (rad/s) of a tumbling body that eddy currents "
-    "brake, also where the motion has left the recording.",
+    "brake, also where the motion has left the recording. lifted: a polynomial model, where ends "
+    "of the recording that were held out say that it is better, else dd.",
 )
 
 
@@ -37,7 +44,7 @@ estimator_option = click.option(
 class Chosen:
     """An estimator, and the settings that were named."""
 
-    est: DdMhe | RigidBodyMhe
+    est: DdMhe | RigidBodyMhe | LiftedMhe
     named: Mapping[str, Any]
 
     def step(self, Y: Array, U: Array | None, k: int) -> None:
@@ -47,18 +54,24 @@ class Chosen:
         else:
             self.est.step(Y[k], None if U is None else U[k])
 
-    def runner(self, Y: Array, U: Array | None) -> Callable[[slice], Log]:
+    def runner(self, Y: Array, U: Array | None) -> Callable[[slice], Any]:
         """What makes the estimates of some rows."""
-        if isinstance(est := self.est, RigidBodyMhe):
+        est = self.est
+        if isinstance(est, RigidBodyMhe):
             return lambda rows: est.run(Y[rows])
-        dd = self.est
-        assert isinstance(dd, DdMhe)
-        return lambda rows: dd.run(Y[rows], None if U is None else U[rows])
+        return lambda rows: est.run(Y[rows], None if U is None else U[rows])
 
     def rows(self, givers: Mapping[str, str]) -> dict[str, str]:
         """Settings in force, as label and text."""
         if isinstance(self.est, DdMhe):
             return in_force(self.est, self.named, givers)
+        if not isinstance(self.est, RigidBodyMhe):
+            used = f"degree {self.est.degree}" if self.est.chosen else "not used"
+            named = {
+                key.replace("_", " "): f"{words_of(value)} ({givers.get(key, BY_LOG)})"
+                for key, value in self.named.items()
+            }
+            return {"estimator": "LiftedMhe", "polynomial model": used} | named
         report = self.est.report()
         rows = {"estimator": "RigidBodyMhe", "explained": "yes" if self.est.explained else "no"}
         if report is not None and report.probabilities:
@@ -69,6 +82,8 @@ class Chosen:
         """Why each setting was chosen; what was found out of a body."""
         if isinstance(self.est, DdMhe):
             say_why(answer, self.est)
+        elif not isinstance(self.est, RigidBodyMhe):
+            return  # its warnings say what was chosen, and why
         elif (report := self.est.report()) is not None:
             for sentence in report.words:
                 answer.say(sentence)
@@ -77,7 +92,7 @@ class Chosen:
         """The same as values."""
         if isinstance(self.est, DdMhe):
             return {key: getattr(self.est.settings, key) for key in IN_FORCE}
-        return {"estimator": "rigid-body"}
+        return {"estimator": "lifted" if not isinstance(self.est, RigidBodyMhe) else "rigid-body"}
 
     def facts(self) -> dict[str, Any]:
         """What is known of the system."""
@@ -87,7 +102,8 @@ class Chosen:
                 "trajectory_space": {"directions": est.rank, "ridge": est.ridge},
                 "spectral_radius": est.spectral_radius,
             }
-        assert isinstance(est, RigidBodyMhe)
+        if not isinstance(est, RigidBodyMhe):
+            return {"estimator": "lifted", "chosen": est.chosen, "degree": est.degree}
         report = est.report()
         found: dict[str, Any] = {"estimator": "rigid-body", "explained": est.explained}
         if report is not None:
@@ -105,13 +121,19 @@ class Chosen:
     @property
     def promise(self) -> Array | None:
         """Promised errors, of an estimator that promises any."""
-        return self.est.promise if isinstance(self.est, DdMhe) else None
+        return None if isinstance(self.est, RigidBodyMhe) else self.est.promise
 
 
 def choose(kind: str, split: Recorded, named: dict[str, Any]) -> Chosen:
     """The estimator of that kind for a recording; `named`: settings as keywords of DdMhe."""
     if kind == "dd":
         return Chosen(DdMhe(split.history, **named), named)
+    if kind == "lifted":
+        from ddmhe.lifted import LiftedMhe  # takes longer to load than the others
+
+        own = {key: named[key] for key in OF_LIFTED if key in named}
+        rest = {key: value for key, value in named.items() if key not in OF_LIFTED}
+        return Chosen(LiftedMhe(split.history, **own, fallback=rest), named)
     named.pop("start", None)  # of the kind of log
     for key in named:
         if key not in RIGID:

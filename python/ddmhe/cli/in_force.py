@@ -13,8 +13,10 @@ from ddmhe._core import DdMhe, Truncated
 from ddmhe.checks import file_words
 from ddmhe.cli.answer import Answer
 
-__all__ = ["in_force", "say_why", "who_gave"]
+__all__ = ["BY_LOG", "in_force", "say_why", "who_gave", "words_of"]
 
+BY_LOG = "by the kind of log"
+"""Who gave a setting that nobody named."""
 LABELS = {"horizon": "horizon M", "rho": "rho", "mu": "mu", "space": "trajectory space"}
 """What the table calls settings that it always shows."""
 
@@ -32,24 +34,24 @@ def in_force(est: DdMhe, named: Mapping[str, Any], givers: Mapping[str, str]) ->
     """Settings as label and text; `named`: the keywords of DdMhe, which are marked."""
     rows = report.settings(est)
     for key, value in named.items():
-        by = givers.get(key, "by the kind of log")
+        by = givers.get(key, BY_LOG)
         if isinstance(value, Truncated) and (value.rank or 0) > est.rank:
             rows[LABELS[key]] += f", no more are there ({by}: {value.rank})"
         elif key in LABELS:
             rows[LABELS[key]] += f" ({by})"
         elif key.endswith("_bounds"):
-            rows[key.replace("_", " ")] = f"{_words(value[0])} to {_words(value[1])} ({by})"
+            rows[key.replace("_", " ")] = f"{words_of(value[0])} to {words_of(value[1])} ({by})"
         else:
-            rows[key.replace("_", " ")] = f"{_words(value)} ({by})"
+            rows[key.replace("_", " ")] = f"{words_of(value)} ({by})"
     return rows
 
 
-def _words(value: Any) -> str:
+def words_of(value: Any) -> str:
     """A setting on one line."""
     if isinstance(value, Mapping):
-        return ", ".join(f"{key}: {_words(one)}" for key, one in value.items())
+        return ", ".join(f"{key}: {words_of(one)}" for key, one in value.items())
     if isinstance(value, list | tuple):
-        return ", ".join(_words(one) for one in value)
+        return ", ".join(words_of(one) for one in value)
     if isinstance(value, np.ndarray):
         rows = [" ".join(f"{number:.4g}" for number in row) for row in np.atleast_2d(value)]
         return "; ".join(rows)

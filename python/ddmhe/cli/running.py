@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from dataclasses import fields, is_dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -44,6 +45,11 @@ def run(answer: Answer, estimates: Callable[[slice], Log], count: int) -> Log:
 
 def _joined(parts: list[Any]) -> Any:
     """Objects that are made of columns, one behind the other."""
+    if is_dataclass(parts[0]) and not isinstance(parts[0], type):
+        names = [field.name for field in fields(parts[0])]
+        return replace(
+            parts[0], **{name: _column([getattr(part, name) for part in parts]) for name in names}
+        )
     make = parts[0].__reduce__()[0]
     columns = zip(*(part.__reduce__()[1] for part in parts), strict=True)
     return make(*(_column(list(column)) for column in columns))

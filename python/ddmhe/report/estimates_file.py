@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from ddmhe._core import Log as Estimates
 from ddmhe.checks import check_path, file_words, shown
 from ddmhe.files import FileError, write, write_text
+from ddmhe.frames import told
 from ddmhe.recordings.libraries import library
 from ddmhe.recordings.reading import Recorded
 from ddmhe.report.trust import reason_words
@@ -73,8 +74,9 @@ class EstimatesFile:
             put("trusted", np.asarray(estimates.trusted).astype(np.int64))
             put("reasons", reason_words(np.asarray(estimates.reasons)))
         put("status", [str(status) for status in estimates.status])
-        if estimates.bound is not None:
-            put("bound", estimates.bound)
+        bound = told(estimates, "bound")
+        if bound is not None:
+            put("bound", bound)
         if evidence is not None:
             each("_innovation", names.output, evidence.innovation)
             each("_innovation_std", names.output, evidence.innovation_std)

@@ -35,15 +35,14 @@ def settings(est: DdMhe) -> dict[str, str]:
     }
 
 
-def outcome(status: Iterable[str], active: Iterable[int]) -> dict[str, str]:
+def outcome(status: Iterable[str], active: Iterable[int] | None) -> dict[str, str]:
     """How the steps ended, as label and text: count per status, share in which no bound was
-    active."""
+    active where that is known."""
     counts = Counter(str(s) for s in status)
-    free = [i == 0 for i in active]
-    return {
-        "steps": ", ".join(f"{count} {word}" for word, count in counts.most_common()),
-        "no bound active": f"{np.mean(free):.1%}",
-    }
+    rows = {"steps": ", ".join(f"{count} {word}" for word, count in counts.most_common())}
+    if active is not None:
+        rows["no bound active"] = f"{np.mean([i == 0 for i in active]):.1%}"
+    return rows
 
 
 def table(title: str, columns: Mapping[str, Mapping[str, str]]) -> Table:

@@ -46,7 +46,9 @@ class Trust:
         assert log.std is not None
         assert log.trusted is not None
         assert log.reasons is not None
-        return cls(log.std, log.trusted, log.reasons, log.evidence.kind)
+        kinds = set(map(str, np.atleast_1d(log.evidence.kind)))  # one a step where that changes
+        kind = kinds.pop() if len(kinds) == 1 else "V"
+        return cls(log.std, log.trusted, log.reasons, kind)
 
     @classmethod
     def of_estimates(cls, estimates: Sequence[Estimate]) -> Trust:
