@@ -39,14 +39,13 @@ def measured(
             row[f"rmse_{state}_{name}"] = _root_mean(error[inside, i] ** 2)
         row[f"nees_{name}"] = _mean(nees[inside])
     std, trusted = _known(log, "std"), _known(log, "trusted")
-    for k in (1, 2, 3):
-        row[f"within_{k}sd"] = None if std is None else _share(np.abs(error), k * std)
+    row |= _within(error, std)
     row |= _of_bounds(log, data.x[:N])
     row["trusted"] = None if trusted is None or not N else float(np.mean(trusted))
     row["unnoticed"] = None if std is None or not N else _unnoticed(error, std, trusted)
     row["status"] = _counts(log, N)
-    row["error_over_time"] = _binned(square, bins, root=True)
-    row["nees_over_time"] = _binned(nees, bins, root=False)
+    means = _binned(np.stack([square, nees]), bins)
+    row["error_over_time"], row["nees_over_time"] = np.sqrt(means[0]).tolist(), means[1].tolist()
     return row
 
 
@@ -84,10 +83,17 @@ def _root_mean(squares: Array) -> float:
     return float(np.sqrt(_mean(squares)))
 
 
-def _share(size: Array, limit: Array) -> float:
-    """How often the known ones are within their limits."""
-    known = ~np.isnan(size)
-    return float(np.mean((size <= limit)[known])) if known.any() else float("nan")
+def _within(error: Array, std: Array | None) -> dict[str, float | None]:
+    """How often the known ones are within one, two and three deviations."""
+    names = [f"within_{k}sd" for k in (1, 2, 3)]
+    if std is None:
+        return dict.fromkeys(names)
+    size = np.abs(error)
+    known = np.count_nonzero(~np.isnan(size))
+    inside = [np.count_nonzero(size <= k * std) for k in (1, 2, 3)]
+    return {
+        name: n / known if known else float("nan") for name, n in zip(names, inside, strict=True)
+    }
 
 
 def _unnoticed(error: Array, std: Array, trusted: NDArray[np.bool_]) -> float:
@@ -113,20 +119,23 @@ def _counts(log: Any, N: int) -> str:
         return json.dumps({"held": N, "violation": 1})
     if status is None:
         return "{}"
-    names, counts = np.unique(np.asarray(status).astype(str), return_counts=True)
+    words = np.asarray(status)
+    if N and (words == words[0]).all():  # nearly always, and much faster
+        return json.dumps({str(words[0]): N})
+    names, counts = np.unique(words.astype(str), return_counts=True)
     return json.dumps(dict(zip(names.tolist(), counts.tolist(), strict=True)))
 
 
-def _binned(values: Array, bins: int, root: bool) -> list[float]:
-    """Means over equal pieces of the run, of what is known; NaN where nothing is."""
-    edges = np.linspace(0, len(values), bins + 1).round().astype(int)
+def _binned(values: Array, bins: int) -> Array:
+    """Means of rows (k, N) over equal pieces of the run (k, bins), of what is known; NaN where
+    nothing is."""
+    k, N = values.shape
+    edges = np.linspace(0, N, bins + 1).round().astype(int)
     known = ~np.isnan(values)
-
-    def sums(of: Array) -> Array:
-        found = np.add.reduceat(np.append(of, 0.0), edges[:-1])
-        return np.where(np.diff(edges) > 0, found, 0.0)  # of no samples it is the next one
-
+    parts = np.zeros((2 * k, N + 1))  # with a column for pieces that begin at the end
+    parts[:k, :N][known] = values[known]
+    parts[k:, :N] = known
+    sums = np.add.reduceat(parts, edges[:-1], axis=1)
+    sums[:, edges[1:] == edges[:-1]] = 0.0  # of no samples reduceat takes the next one
     with np.errstate(invalid="ignore"):
-        means = sums(np.where(known, values, 0.0)) / sums(known.astype(float))
-    found: list[float] = (np.sqrt(means) if root else means).tolist()
-    return found
+        return np.asarray(sums[:k] / sums[k:])
