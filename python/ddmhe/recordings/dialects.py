@@ -28,6 +28,8 @@ _RECEIVED = re.compile(
 _WIDE_BLANK = re.compile(r" {2,}")
 _RULE = re.compile(r"[\s|+:=-]*-{3}[\s|+:=-]*\Z|[\s+|=-]*={3}[\s+|=-]*\Z")
 """A line that is drawn below a header, or between rows."""
+LOOKED_AT = 20
+"""Lines in which such a one stands."""
 _DRAWN = str.maketrans("│┃║─━═┼┬┴├┤┌┐└┘╇╈┏┓┗┛┡┩╪╬", "|||---" + 19 * "+")
 
 
@@ -64,6 +66,9 @@ def _arff(lines: Lines) -> tuple[Lines, list[str]]:
 def _drawn(lines: Lines, first: int) -> tuple[Lines, list[str]] | None:
     """Bars between cells, perhaps at both ends of a row, and a rule below the header: Markdown, and
     what databases print; None for others."""
+    top = [row.translate(_DRAWN) for row in lines.rows[: first + LOOKED_AT]]
+    if not any(map(_RULE.match, top[first:])):
+        return None
     rows = [row.translate(_DRAWN) for row in lines.rows]
     begin = first + 1 if _RULE.match(rows[first]) else first
     rule = next((k for k in range(begin + 1, len(rows)) if rows[k].strip()), begin)

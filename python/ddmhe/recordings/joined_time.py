@@ -108,12 +108,13 @@ def _whole(table: Table, name: str, low: int, high: int) -> list[int] | None:
     return [int(n) for n in found]
 
 
-def _texts(table: Table, names: Sequence[str]) -> dict[str, list[str]]:
+def _texts(table: Table, names: Sequence[str], fits: Callable[[str], bool]) -> dict[str, list[str]]:
+    """Columns of texts whose first cell fits."""
     columns = {name: table.column(name) for name in names}
     return {
         name: [cell.strip() for cell in column]
         for name, column in columns.items()
-        if not isinstance(column, np.ndarray) and len(column)
+        if not isinstance(column, np.ndarray) and len(column) and fits(column[0].strip())
     }
 
 
@@ -123,11 +124,7 @@ def _other_clock(table: Table, names: Sequence[str], parts: Sequence[str]) -> bo
 
 
 def _date_and_clock(table: Table, names: list[str]) -> Joined | None:
-    texts = {
-        n: cells
-        for n, cells in _texts(table, names).items()
-        if is_stamp(cells[0]) or is_stamp(f"{cells[0]} 00:00:00")
-    }
+    texts = _texts(table, names, lambda cell: is_stamp(cell) or is_stamp(f"{cell} 00:00:00"))
     clocks = [name for name, cells in texts.items() if is_stamp(f"2000-01-01 {cells[0]}")]
     dates = [n for n, cells in texts.items() if ":" not in cells[0] and n not in clocks]
     if len(dates) != 1 or len(clocks) != 1:
@@ -140,8 +137,10 @@ def _digits(table: Table, names: list[str]) -> Joined | None:
     """20240501 beside 115958.02 or 115958020."""
     day = _parts(names).get("date")
     clocks = [n for n in names if n != day and (is_time_name(n) or _word(n).startswith("hhmmss"))]
-    texts = _texts(table, names)
-    if day not in texts or len(clocks) != 1 or clocks[0] not in texts:
+    if day is None or len(clocks) != 1:
+        return None
+    texts = _texts(table, [day, *clocks], bool)
+    if day not in texts or clocks[0] not in texts:
         return None
     days = texts[day]
     if not all(re.fullmatch(r"(19|20)\d{6}", cell) for cell in days):
@@ -198,8 +197,9 @@ def _stamps_and_below(table: Table, names: list[str]) -> Joined | None:
     if len(units) != 1:
         return None
     beside, digits = parts[units[0]], _BELOW[units[0]]
-    texts = _texts(table, [name for name in names if name != beside])
-    stamps = [n for n, cells in texts.items() if is_stamp(cells[0]) and ":" in cells[0]]
+    others = [name for name in names if name != beside]
+    texts = _texts(table, others, lambda cell: is_stamp(cell) and ":" in cell)
+    stamps = list(texts)
     below = _whole(table, beside, 0, 10**digits - 1)
     if len(stamps) != 1 or below is None or any(map(has_fraction, texts[stamps[0]])):
         return None

@@ -36,6 +36,9 @@ def with_plain_units(table: Table, names: Sequence[str]) -> Table:
         cells = None if k is None else table.columns[k]
         if k is None or cells is None or isinstance(cells, np.ndarray):
             continue
+        first = next((cell for cell in cells if not says_nothing(cell)), "")
+        if _WITH_UNIT.match(first) is None:
+            continue
         found = [None if says_nothing(cell) else _WITH_UNIT.match(cell) for cell in cells]
         every = {match[2] for match in found if match is not None}
         full = sum(match is not None for match in found)
