@@ -3,7 +3,7 @@
 
 use crate::systems::noise;
 use ddmhe_core::rigid::{Refits, RigidConfig};
-use ddmhe_core::{History, RigidBodyMhe, Status};
+use ddmhe_core::{Bounds, Config, DdMhe, History, RigidBodyMhe, Status};
 
 const DT: f64 = 0.1;
 
@@ -71,4 +71,51 @@ fn slices_end_where_one_fit_would() {
         assert!((a - b).abs() < 1e-4, "{a} {b}");
     }
     assert_ne!(sliced.x, now.x);
+}
+
+#[test]
+fn the_affine_estimator_rests_and_takes_over_where_outputs_are_no_body_s() {
+    let (x, mut y) = tumbling(900);
+    let later = y.split_off(3 * 150);
+    let history = History::new(3, 3, &x[..3 * 151], &y, DT).unwrap();
+    let x_bounds = Some(Bounds { lo: vec![-1e3; 3], hi: vec![1e3; 3] });
+    let noise = Some(vec![1e-3; 3]);
+    let config = RigidConfig {
+        x_bounds: x_bounds.clone(),
+        output_noise: noise.clone(),
+        ..RigidConfig::default()
+    };
+    let mut mhe = RigidBodyMhe::new(&history, config, None).unwrap();
+    assert!(mhe.explained());
+    // the body goes on for a while, then every torque is turned about and so large that a body would
+    // have to turn faster than any step could follow: a linear motion, but of no body
+    let turned = 100;
+    let outputs: Vec<Vec<f64>> = later
+        .chunks_exact(3)
+        .enumerate()
+        .map(|(k, y)| y.iter().map(|v| if k < turned { *v } else { -200.0 * v }).collect())
+        .collect();
+    let mut last = 0;
+    for (k, y) in outputs.iter().enumerate() {
+        let status = mhe.step(y).unwrap().status;
+        assert!(k > turned + 100 || status != Status::Affine, "{k}");
+        if status == Status::Affine {
+            last = k;
+            break;
+        }
+    }
+    assert!(last > turned);
+    // it is a run of its own from a sample after the change on, not one of all samples
+    let of_run = |from: usize| {
+        let config =
+            Config { x_bounds: x_bounds.clone(), output_noise: noise.clone(), ..Config::default() };
+        let mut alone = DdMhe::new(&history, config).unwrap();
+        outputs[from..=last].iter().for_each(|y| {
+            alone.step(y).unwrap();
+        });
+        alone.estimate().x.clone()
+    };
+    let begun = (turned..turned + 20).find(|from| of_run(*from) == mhe.estimate().x);
+    assert!(begun.is_some());
+    assert_ne!(of_run(0), mhe.estimate().x);
 }

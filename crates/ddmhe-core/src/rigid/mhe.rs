@@ -1,6 +1,6 @@
 //! The estimator of a tumbling rigid body, beside [`DdMhe`].
 
-use crate::config::{Bounds, Config};
+use crate::config::{Bounds, Config, Start};
 use crate::config_checks::{check_measured, check_output};
 use crate::error::Error;
 use crate::estimate::{Estimate, Log};
@@ -16,6 +16,7 @@ use crate::rigid::saved::Saved;
 use crate::snapshot::{Kind, from_bytes, to_bytes};
 use ddmhe_run::Status;
 use ddmhe_run::rigid::Limits;
+use ddmhe_run::rigid::filter::DISAGREE;
 #[cfg(feature = "serde")]
 use serde::{Deserialize, Serialize};
 
@@ -24,6 +25,8 @@ use serde::{Deserialize, Serialize};
 const LOST: (f64, usize) = (8.0, 100);
 /// Weight of the newest sample in the affine estimator's score, and its most: the filter's.
 const AVERAGE: (f64, f64) = (0.03, 10.0);
+/// Score above which the affine estimator stands by, and below which it rests again.
+const STANDS_BY: (f64, f64) = (DISAGREE, 1.0);
 
 /// Estimates ω of a tumbling body that eddy currents brake, from a torque: Euler's equation is all
 /// that is known beforehand; inertia, drag and the map to the outputs are taken from the recording.
@@ -33,6 +36,8 @@ pub struct RigidBodyMhe {
     config: RigidConfig,
     rigid: Box<dyn Online>,
     fallback: DdMhe,
+    /// Whether the fallback can begin anywhere, so that it may rest as long as the body explains all.
+    may_rest: bool,
     estimate: Estimate,
     run: Judged,
 }
@@ -46,10 +51,12 @@ struct Judged {
     score: f64,
     /// Samples in a row for which it was better.
     worse: usize,
+    /// Whether it consumes what is measured.
+    stands_by: bool,
 }
 
 impl Judged {
-    const NEW: Self = Judged { t: 0, score: 1.0, worse: 0 };
+    const NEW: Self = Judged { t: 0, score: 1.0, worse: 0, stands_by: true };
 }
 
 impl Clone for RigidBodyMhe {
@@ -59,6 +66,7 @@ impl Clone for RigidBodyMhe {
             config: self.config.clone(),
             rigid: self.rigid.copy(),
             fallback: self.fallback.clone(),
+            may_rest: self.may_rest,
             estimate: self.estimate.clone(),
             run: self.run,
         }
@@ -141,8 +149,10 @@ impl RigidBodyMhe {
                 DdMhe::new(history, Config { x_bounds, output_noise, ..Config::default() })?
             }
         };
-        let (history, estimate) = (history.clone(), Estimate::default());
-        Ok(RigidBodyMhe { history, config, rigid, fallback, estimate, run: Judged::NEW })
+        let anywhere = matches!(fallback.config().begins(), Start::Auto | Start::Unknown);
+        let may_rest = anywhere && rigid.explained();
+        let (history, estimate, run) = (history.clone(), Estimate::default(), Judged::NEW);
+        Ok(RigidBodyMhe { history, config, rigid, fallback, may_rest, estimate, run })
     }
 
     /// Consumes y(t-1) (p numbers, NaN = this entry was not measured) and returns the estimate of
@@ -344,6 +354,43 @@ impl RigidBodyMhe {
 
     /// One step on checked input.
     fn advance(&mut self, y: &[f64], rates: Option<&[f64]>) -> Result<(), Error> {
+        self.run.t += 1;
+        let mut told = false; // whether the affine estimator has this sample
+        if self.rigid.is_rigid() {
+            if self.estimate.x.is_empty() {
+                self.estimate = blank(self.history.p());
+            }
+            let own = self.rigid.score();
+            let (wakes, rests) = (own > STANDS_BY.0, self.may_rest && own < STANDS_BY.1);
+            if wakes || (self.run.stands_by && !rests) {
+                self.tell_affine(y)?;
+                told = true;
+            } else {
+                self.run.stands_by = false;
+            }
+            let worse = own > LOST.0 && own > 2.0 * self.run.score;
+            self.run.worse = if worse { self.run.worse + 1 } else { 0 };
+            if self.run.worse <= LOST.1 && self.rigid.advance(y, rates, &mut self.estimate) {
+                return Ok(());
+            }
+            self.rigid.give_up();
+        }
+        if !told {
+            self.tell_affine(y)?;
+        }
+        self.estimate.clone_from(self.fallback.estimate());
+        if self.estimate.status != Status::Failed {
+            self.estimate.status = Status::Affine;
+        }
+        Ok(())
+    }
+
+    /// The affine estimator consumes y; where it rested it begins anywhere.
+    fn tell_affine(&mut self, y: &[f64]) -> Result<(), Error> {
+        if !self.run.stands_by {
+            self.fallback.reset(None)?;
+            (self.run.stands_by, self.run.score) = (true, Judged::NEW.score);
+        }
         let affine = self.fallback.step(y)?;
         let squares = affine.evidence.iter().flat_map(|own| {
             let variances = own.innovation.iter().zip(&own.innovation_variance);
@@ -352,23 +399,6 @@ impl RigidBodyMhe {
         let (sum, count) = squares.fold((0.0, 0.0), |(sum, count), v| (sum + v, count + 1.0));
         if count > 0.0 {
             self.run.score += AVERAGE.0 * (f64::min(sum / count, AVERAGE.1) - self.run.score);
-        }
-        self.run.t += 1;
-        if self.rigid.is_rigid() {
-            if self.estimate.x.is_empty() {
-                self.estimate = blank(self.history.p());
-            }
-            let own = self.rigid.score();
-            let worse = own > LOST.0 && own > 2.0 * self.run.score;
-            self.run.worse = if worse { self.run.worse + 1 } else { 0 };
-            if self.run.worse <= LOST.1 && self.rigid.advance(y, rates, &mut self.estimate) {
-                return Ok(());
-            }
-            self.rigid.give_up();
-        }
-        self.estimate.clone_from(self.fallback.estimate());
-        if self.estimate.status != Status::Failed {
-            self.estimate.status = Status::Affine;
         }
         Ok(())
     }

@@ -66,6 +66,8 @@ struct Ground<const P: usize, const N: usize> {
     /// Of the recorded rates: half their deviations, and their ranges with a quarter more.
     half: [f64; 3],
     range: [[f64; 2]; 3],
+    /// The machine's vector units.
+    units: pulp::Arch,
 }
 
 #[derive(Clone)]
@@ -178,7 +180,8 @@ impl<const P: usize, const N: usize> Ground<P, N> {
         };
         let (half, range) = spread(&recording.x);
         let most = config.optima;
-        Ok(Ground { recording, choice, noise, refit, most, limits, half, range })
+        let units = pulp::Arch::new();
+        Ok(Ground { recording, choice, noise, refit, most, limits, half, range, units })
     }
 
     fn start(&self) -> Option<Stepper<P, N>> {
@@ -311,7 +314,10 @@ impl<const P: usize, const N: usize> Online for Run<P, N> {
         sample.copy_from_slice(y);
         let mut rates = rates.map(|x| [x[0], x[1], x[2]]);
         let noise = self.ground.recording.of_rates;
-        let (said, foretold) = stepper.advance(&mut sample, rates.as_mut().map(|x| (x, &noise)));
+        let (said, foretold) = self.ground.units.dispatch(
+            #[inline(always)]
+            || stepper.advance(&mut sample, rates.as_mut().map(|x| (x, &noise))),
+        );
         if foretold {
             self.keep(sample, rates);
         }

@@ -75,6 +75,7 @@ pub fn flow<const P: usize, const N: usize, M: Motion<P, N>>(
 }
 
 /// The same with dω(after)/d(ω, θ), in which the derivative by ω itself is that by ω before.
+#[inline(always)]
 pub fn flow_with_slopes<const P: usize, const N: usize, M: Motion<P, N>>(
     motion: &M,
     parts: &M::Parts,
