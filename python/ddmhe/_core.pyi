@@ -14,7 +14,17 @@ from ddmhe.frames import Row
 from ddmhe.reasons import Reason
 
 _Floats: TypeAlias = NDArray[np.float64]
-_Box: TypeAlias = tuple[ArrayLike, ArrayLike] | Sequence[ArrayLike]
+
+class _SciPyBounds(Protocol):
+    lb: Any
+    ub: Any
+
+_Box: TypeAlias = (
+    tuple[ArrayLike | None, ArrayLike | None]
+    | Sequence[ArrayLike]
+    | Sequence[tuple[float | None, float | None]]
+    | _SciPyBounds
+)
 _Start: TypeAlias = Literal["auto", "recording", "state", "unknown"]
 _Status: TypeAlias = Literal[
     "optimal", "almost_optimal", "infeasible", "failed", "structured", "adapting", "affine"

@@ -3,6 +3,7 @@ They are taken, or asked about."""
 
 import numpy as np
 import pytest
+import scipy.optimize
 
 import ddmhe
 from reference import random_system
@@ -40,6 +41,10 @@ def test_transposed_arrays_are_asked_about(n, p):
     x, y = recorded(n, p)
     with pytest.raises(ddmhe.ShapeError, match="which look transposed"):
         ddmhe.History(x[:61].T, y[:60].T)
+    with pytest.raises(ddmhe.ShapeError, match=r"^y: .*transposed beside the other: y\.T"):
+        ddmhe.History(x[:61], y[:60].T)
+    with pytest.raises(ddmhe.ShapeError, match=r"^x: .*transposed beside the other: x\.T"):
+        ddmhe.History(x[:61].T, y[:60])
     if p > 1:
         est = ddmhe.DdMhe(ddmhe.History(x[:61], y[:60]))
         with pytest.raises(ddmhe.ShapeError, match=r"^Y: expected .* looks transposed"):
@@ -55,6 +60,19 @@ def test_pairs_of_bounds_one_a_state():
     assert ddmhe.DdMhe(h, x_bounds=pairs).run(y[60:]) == same
     one, other = ddmhe.DdMhe(h), ddmhe.DdMhe(h)
     assert one.step(y[60], x_bounds=pairs) == other.step(y[60], x_bounds=(lo, hi))
+    assert ddmhe.DdMhe(h, x_bounds=[*pairs[:2], (None, 0.5)]).run(y[60:]) == same
+
+
+def test_bounds_as_scipy_s_optimisers_take_them():
+    x, y = recorded(3, 2)
+    h = ddmhe.History(x[:61], y[:60])
+    lo, hi = np.array([-0.1, -0.3, -np.inf]), np.array([0.2, 0.4, 0.5])
+    same = ddmhe.DdMhe(h, x_bounds=(lo, hi)).run(y[60:])
+    assert ddmhe.DdMhe(h, x_bounds=scipy.optimize.Bounds(lo, hi)).run(y[60:]) == same
+    above = ddmhe.DdMhe(h, x_bounds=(None, 0.1)).run(y[60:])
+    assert above == ddmhe.DdMhe(h, x_bounds=(-np.inf, 0.1)).run(y[60:])
+    assert above == ddmhe.DdMhe(h, x_bounds=scipy.optimize.Bounds(ub=0.1)).run(y[60:])
+    assert above.x.max() <= 0.1 + 1e-12
 
 
 def test_two_pairs_can_be_read_in_two_ways():

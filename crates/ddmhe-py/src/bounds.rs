@@ -1,4 +1,4 @@
-//! Bounds as arguments: pairs (lo, hi), or a pair a channel.
+//! Bounds as arguments: pairs (lo, hi), a pair a channel, or SciPy's; None where there is none.
 
 use crate::convert::{Numbers, ShapeError, described, number};
 use crate::words::shown;
@@ -49,9 +49,26 @@ pub fn bounds(
         let each = |side: Vec<f64>| side.into_iter().cycle().take(whole).collect();
         return Ok(Bounds { lo: each(lo), hi: each(hi) });
     }
-    let [lo, hi] = &pair(argument, "a pair (lo, hi)", value)?;
-    let side = |value| side(argument, Numbers::from(argument, value)?, width, depth);
+    let [lo, hi] = sides(argument, value)?;
+    let side = |numbers| side(argument, numbers, width, depth);
     Ok(Bounds { lo: side(lo)?, hi: side(hi)? })
+}
+
+/// Both sides of (lo, hi) or of `scipy.optimize.Bounds`; None: there is no bound.
+pub fn sides(argument: &str, value: &Bound<'_, PyAny>) -> PyResult<[Numbers; 2]> {
+    let scipy = value.getattr("lb").and_then(|lo| Ok([lo, value.getattr("ub")?])).ok();
+    let of_scipy = scipy.is_some();
+    let [lo, hi] = scipy.map_or_else(|| pair(argument, "a pair (lo, hi)", value), Ok)?;
+    let numbers = |side: &Bound<'_, PyAny>, unbounded: f64| -> PyResult<Numbers> {
+        if side.is_none() {
+            return Ok(Numbers::scalar(unbounded));
+        }
+        let given = Numbers::from(argument, side)?;
+        // SciPy has an array of one where the same bound holds for all
+        let one = of_scipy && given.data.len() == 1;
+        Ok(if one { Numbers::scalar(given.data[0]) } else { given })
+    };
+    Ok([numbers(&lo, f64::NEG_INFINITY)?, numbers(&hi, f64::INFINITY)?])
 }
 
 /// Bounds as SciPy has them, one (lo, hi) a channel; None for others. Of two channels this can be
@@ -67,10 +84,14 @@ pub fn pairs(
     if width < 2 || pairs.len() != width || !all {
         return Ok(None);
     }
-    let side = |k: usize| -> PyResult<Vec<f64>> {
-        pairs.iter().map(|pair| number(argument, &pair.get_item(k)?)).collect()
+    let side = |k: usize, unbounded: f64| -> PyResult<Vec<f64>> {
+        let one = |bound: &Bound<'_, PyAny>| match bound.is_none() {
+            true => Ok(unbounded),
+            false => number(argument, bound),
+        };
+        pairs.iter().map(|pair| one(&pair.get_item(k)?)).collect()
     };
-    let (lo, hi) = (side(0)?, side(1)?);
+    let (lo, hi) = (side(0, f64::NEG_INFINITY)?, side(1, f64::INFINITY)?);
     if width == 2 {
         return Err(ShapeError::new_err(format!(
             "{argument}: expected (lo, hi), found a list of two pairs, which can be read in two \

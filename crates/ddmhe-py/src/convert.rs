@@ -34,6 +34,11 @@ pub struct Numbers {
 }
 
 impl Numbers {
+    /// One number.
+    pub fn scalar(value: f64) -> Self {
+        Numbers { shape: Vec::new(), data: vec![value], missing: None }
+    }
+
     /// Whatever `numpy.asarray(value, dtype=float)` understands, without missing entries; anything
     /// else is an error that names the argument.
     pub fn from(argument: &str, value: &Bound<'_, PyAny>) -> PyResult<Self> {

@@ -133,6 +133,18 @@ impl History {
                  {n}) and ({outputs}, {p}), which look transposed: x.T, y.T"
             )));
         }
+        if states != outputs + 1 {
+            let found =
+                [("x", n == outputs + 1, (states, n)), ("y", states == p + 1, (outputs, p))];
+            // where both would do, that with more samples
+            let turned = found.iter().filter(|(_, fits, _)| *fits);
+            if let Some((one, _, (rows, columns))) = turned.max_by_key(|(.., (_, T))| *T) {
+                return Err(ShapeError::new_err(format!(
+                    "{one}: expected a row for each sample, found ({rows}, {columns}), which looks \
+                     transposed beside the other: {one}.T"
+                )));
+            }
+        }
         let (x_units, y_units) = (units("x_units", x_units)?, units("y_units", y_units)?);
         let core = ddmhe_core::History::new(n, p, &x, &y, dt).map_err(raise)?;
         let core = core.with_units(&x_units, &y_units).map_err(raise)?;

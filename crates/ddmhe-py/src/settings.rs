@@ -4,7 +4,7 @@
 //! setting is a field of [`Config`], one row of [`TABLE`], and its name in `DdMhe`'s two signatures
 //! (mhe.rs, `_core.pyi`); a test holds the three together.
 
-use crate::bounds::{pair, pairs, side, tuple};
+use crate::bounds::{pairs, side, sides, tuple};
 use crate::certificate;
 use crate::convert::{DdmheError, Numbers, ShapeError, flag, number, raise, text, whole};
 use crate::history::{Channels, History};
@@ -119,9 +119,8 @@ impl<'py> Given<'_, 'py> {
         if let Some((lo, hi)) = each {
             return Ok(Bounds { lo, hi });
         }
-        let [lo, hi] = &pair(self.name, "a pair (lo, hi)", self.value)?;
-        let side = |value| {
-            let numbers = Numbers::from(self.name, value)?;
+        let [lo, hi] = sides(self.name, self.value)?;
+        let side = |numbers: Numbers| {
             let own = numbers.shape.first().copied().unwrap_or(1);
             side(self.name, numbers, len.unwrap_or(own), None)
         };

@@ -17,7 +17,7 @@ const SLICE: [usize; 6] = [43, 29, 20, 14, 10, 7];
 const REPLAYED: usize = 8;
 /// Lengths of the recording after which its first round of fits begins, and by what factor more time
 /// is to have passed at the next.
-const SLICED: (f64, f64) = (0.12, 1.15);
+const SLICED: (f64, f64) = (0.12, 3.0);
 /// One round in so many is thorough.
 const THOROUGH: usize = 3;
 
