@@ -20,7 +20,7 @@ class _SciPyBounds(Protocol):
     ub: Any
 
 _Box: TypeAlias = (
-    tuple[ArrayLike | None, ArrayLike | None]
+    tuple[ArrayLike, ArrayLike]
     | Sequence[ArrayLike]
     | Sequence[tuple[float | None, float | None]]
     | _SciPyBounds

@@ -1,4 +1,4 @@
-//! Bounds as arguments: pairs (lo, hi), a pair a channel, or SciPy's; None where there is none.
+//! Bounds as arguments: (lo, hi), or as SciPy has them, a pair a channel or `Bounds`.
 
 use crate::convert::{Numbers, ShapeError, described, number};
 use crate::words::shown;
@@ -54,24 +54,21 @@ pub fn bounds(
     Ok(Bounds { lo: side(lo)?, hi: side(hi)? })
 }
 
-/// Both sides of (lo, hi) or of `scipy.optimize.Bounds`; None: there is no bound.
+/// Both sides of (lo, hi) or of `scipy.optimize.Bounds`.
 pub fn sides(argument: &str, value: &Bound<'_, PyAny>) -> PyResult<[Numbers; 2]> {
     let scipy = value.getattr("lb").and_then(|lo| Ok([lo, value.getattr("ub")?])).ok();
     let of_scipy = scipy.is_some();
     let [lo, hi] = scipy.map_or_else(|| pair(argument, "a pair (lo, hi)", value), Ok)?;
-    let numbers = |side: &Bound<'_, PyAny>, unbounded: f64| -> PyResult<Numbers> {
-        if side.is_none() {
-            return Ok(Numbers::scalar(unbounded));
-        }
+    let numbers = |side: &Bound<'_, PyAny>| -> PyResult<Numbers> {
         let given = Numbers::from(argument, side)?;
         // SciPy has an array of one where the same bound holds for all
         let one = of_scipy && given.data.len() == 1;
         Ok(if one { Numbers::scalar(given.data[0]) } else { given })
     };
-    Ok([numbers(&lo, f64::NEG_INFINITY)?, numbers(&hi, f64::INFINITY)?])
+    Ok([numbers(&lo)?, numbers(&hi)?])
 }
 
-/// Bounds as SciPy has them, one (lo, hi) a channel; None for others. Of two channels this can be
+/// Bounds as SciPy has them, one (lo, hi) a channel, None in it for no bound; None for others. Of two channels this can be
 /// read in two ways, and is asked about.
 pub fn pairs(
     argument: &str,

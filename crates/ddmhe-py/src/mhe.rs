@@ -38,8 +38,8 @@ use std::sync::MutexGuard;
 /// x_prior : array (n,), optional
 ///     Prior state at t = 0; default the last recorded state. Given, it means start="state".
 /// x_bounds : (lo, hi), optional
-///     Box on every state of the window; each side a scalar or (n,); infinite or None = no bound. A
-///     list of n pairs and scipy.optimize.Bounds are taken, too.
+///     Box on every state of the window; each side a scalar or (n,); infinite = no bound. As in
+///     SciPy a list of n pairs, None for no bound, and scipy.optimize.Bounds are taken, too.
 /// x_center : None or "history"
 ///     None: x_bounds are absolute. "history": relative to x_c(t), the window that the recording
 ///     alone associates with the measured outputs (IV-A1, affine form).
