@@ -48,6 +48,8 @@ sphinx_gallery_conf = {
     "remove_config_comments": True,
     "show_memory": False,
     "write_computation_times": False,
+    # a figure is the result, not the object that its last line returns
+    "capture_repr": (),
 }
 
 
