@@ -4,8 +4,6 @@ Lines keep their numbers."""
 
 from __future__ import annotations
 
-import csv
-import io
 import re
 from collections.abc import Sequence
 from functools import reduce
@@ -14,7 +12,7 @@ from operator import xor
 from ddmhe.recordings.cells import is_number
 from ddmhe.recordings.html_lines import html_lines
 from ddmhe.recordings.pair_lines import pair_lines
-from ddmhe.recordings.text import Lines
+from ddmhe.recordings.text import Lines, line_of
 
 __all__ = ["plain_lines"]
 
@@ -59,7 +57,7 @@ def _arff(lines: Lines) -> tuple[Lines, list[str]]:
     found = [match for row in rows[:data] if (match := _ATTRIBUTE.match(row.strip() + " "))]
     names = [next(name for name in match.groups() if name is not None) for match in found]
     rows[:data] = [""] * data
-    rows[data] = _row(names)
+    rows[data] = line_of(names)
     return Lines(rows, lines.comments), ["ARFF"]
 
 
@@ -138,11 +136,5 @@ def _aligned(lines: Lines, asked: Sequence[str]) -> tuple[Lines, list[str]] | No
     width = len(rows[header])
     if any(len(cells) != width for cells in rows[header:] if cells != [""]):
         return None
-    plain = [*lines.rows[:header], *("" if c == [""] else _row(c) for c in rows[header:])]
+    plain = [*lines.rows[:header], *("" if c == [""] else line_of(c) for c in rows[header:])]
     return Lines(plain, lines.comments), ["columns parted by two blanks or more"]
-
-
-def _row(cells: list[str]) -> str:
-    text = io.StringIO()
-    csv.writer(text, lineterminator="").writerow(cells)
-    return text.getvalue()

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import csv
-import io
 from html.parser import HTMLParser
 
-from ddmhe.recordings.text import Lines
+from ddmhe.recordings.text import Lines, line_of
 
 __all__ = ["html_lines"]
 
@@ -47,7 +45,5 @@ def html_lines(lines: Lines) -> tuple[Lines, list[str]]:
         place = at
         while place < len(found) and found[place]:
             place += 1
-        text = io.StringIO()
-        csv.writer(text, lineterminator="").writerow(" ".join(cell.split()) for cell in cells)
-        found[place : place + 1] = [text.getvalue()]
+        found[place : place + 1] = [line_of([" ".join(cell.split()) for cell in cells])]
     return Lines(found, {}), ["a table of HTML"]

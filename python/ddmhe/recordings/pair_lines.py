@@ -3,11 +3,9 @@ behind the time and the words of a logger."""
 
 from __future__ import annotations
 
-import csv
-import io
 import re
 
-from ddmhe.recordings.text import Lines
+from ddmhe.recordings.text import Lines, line_of
 
 __all__ = ["pair_lines"]
 
@@ -46,7 +44,7 @@ def pair_lines(lines: Lines, first: int) -> tuple[Lines, list[str]] | None:
     if any(one != names and known & set(one) for one in every):
         return None
     rows = [
-        _row([value for _, value in pairs])
+        line_of([value for _, value in pairs])
         if (pairs := found.get(k)) is not None and len(pairs) == len(names) and _of(pairs) == names
         else ""
         for k in range(len(lines.rows))
@@ -54,7 +52,7 @@ def pair_lines(lines: Lines, first: int) -> tuple[Lines, list[str]] | None:
     told = "names beside the values of each line"
     if same < len(found):
         told += f", {len(found) - same} lines without them left out"
-    return Lines([_row(list(names)), *rows], {}, -1), [told]
+    return Lines([line_of(list(names)), *rows], {}, -1), [told]
 
 
 def _of(pairs: Pairs) -> tuple[str, ...]:
@@ -82,9 +80,3 @@ def _pairs_of(row: str) -> Pairs | None:
             return None
         at = between.end()
     return found
-
-
-def _row(cells: list[str]) -> str:
-    text = io.StringIO()
-    csv.writer(text, lineterminator="").writerow(cells)
-    return text.getvalue()

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import codecs
+import csv
+import io
 import re
 from typing import NamedTuple
 
 from ddmhe.checks import shown
 from ddmhe.recordings.errors import LogError
 
-__all__ = ["MOST_BREAKS", "Lines", "decode", "lines_of", "without_tail"]
+__all__ = ["MOST_BREAKS", "Lines", "decode", "line_of", "lines_of", "without_tail"]
 
 BOMS = (
     (codecs.BOM_UTF8, "utf-8"),
@@ -43,6 +45,13 @@ class Lines(NamedTuple):
     """Comments by their place in `rows`, without their mark."""
     shift: int = 0
     """What places in `rows` are ahead of the file's own, if a header was put before them: -1."""
+
+
+def line_of(cells: list[str]) -> str:
+    """Cells as one line of CSV."""
+    text = io.StringIO()
+    csv.writer(text, lineterminator="").writerow(cells)
+    return text.getvalue()
 
 
 def decode(path: str, data: bytes, encoding: str | None) -> tuple[str, str | None]:

@@ -68,7 +68,7 @@ def beyond_figure(
             axis.axvline(novel, color="0.3", linestyle=":")
     figure.legend(loc="outside upper center", ncols=4, frameon=False)
     left = next(iter(curves))
-    words = "grey: recorded; bands: ± 2 standard deviations"
+    words = f"grey: recorded; bands: ± {WIDTH:g} standard deviations"
     if novel is not None:
         words += f"; dotted: {left} find that the motion has left the recording"
     figure.supxlabel(words, fontsize="medium", color="0.3")
