@@ -6,7 +6,13 @@ import numpy as np
 import ddmhe
 from noisy_systems import Log
 
-LEVELS = ((0.0, 0.0, 0.01), (1e-5, 1e-3, 1e-3), (1e-4, 0.01, 0.01), (1e-3, 0.01, 0.01))
+LEVELS = (
+    (0.0, 0.0, 0.01),
+    (1e-5, 1e-3, 1e-3),
+    (1e-4, 0.01, 0.01),
+    (1e-3, 0.01, 0.01),
+    (1e-3, 0.05, 0.05),
+)
 """By level: deviations on recorded rates (rad/s), recorded torques and later ones (N·m)."""
 DT, RECORDED = 0.1, 200
 AFTER = 1000
@@ -42,14 +48,19 @@ def target(seed: int):
     )
 
 
+def noise(seed: int, level: int, recorded: int, after: int):
+    """Noise of recorded rates (recorded+1, 3), recorded torques and later ones (after, 3)."""
+    rng, sizes = np.random.default_rng([seed, level]), (recorded + 1, recorded, after)
+    draws = zip(LEVELS[level], sizes, strict=True)
+    return [deviation * rng.standard_normal((size, 3)) for deviation, size in draws]
+
+
 def detumbled(seed: int, level: int, after: int = AFTER) -> Log:
     """20 s of recording and `after` samples that follow."""
-    read, torque, later = LEVELS[level]
     record = target(seed).simulate((RECORDED + after) * DT, DT)
-    rng = np.random.default_rng([seed, level])
-    x = record.x[: RECORDED + 1] + read * rng.standard_normal((RECORDED + 1, 3))
-    y = record.y.copy()
-    y[:RECORDED] += torque * rng.standard_normal((RECORDED, 3))
-    y[RECORDED:-1] += later * rng.standard_normal((after, 3))
-    history = ddmhe.History(x, y[:RECORDED], DT, x_units="rad/s", y_units="N·m")
-    return Log(history, y[RECORDED:-1], record.x[RECORDED + 1 :], read, later, 180 / np.pi)
+    of_x, of_y, of_later = noise(seed, level, RECORDED, after)
+    x, y = record.x[: RECORDED + 1] + of_x, record.y[:RECORDED] + of_y
+    history = ddmhe.History(x, y, DT, x_units="rad/s", y_units="N·m")
+    read, _, later = LEVELS[level]
+    Y = record.y[RECORDED:-1] + of_later
+    return Log(history, Y, record.x[RECORDED + 1 :], read, later, 180 / np.pi)
