@@ -168,8 +168,11 @@ study-lifted: setup ## the polynomial model beside the affine one; docs/lifted.m
 study-fusion: setup ## what a camera's minute is worth beside the torque; docs/measured/reach.md
 	OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 $(PY) studies/fusion.py
 
+# DDMHE_DATA=FOLDER: measured pendulums, which take part where they are.
 study-reach: setup ## how far estimates of a tumbling body reach; docs/measured/reach.md
 	OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 $(PY) studies/reach.py
+	OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 $(PY) studies/reach_variations.py
+	OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 $(PY) studies/reach_limits.py
 
 picture: setup ## the README's picture and the errors below it
 	OPENBLAS_NUM_THREADS=1 $(PY) studies/first_picture.py

@@ -1,14 +1,15 @@
-"""What a camera's minute is worth after it: eight of the bodies of studies/reach.py, torque for six
-minutes, and rates once a second for the first of them. Prints the table "A camera for a minute" of
-docs/measured/reach.md."""
+"""What a camera's minute is worth after it: the first eight bodies of studies/reach.py, torque for
+six minutes, and rates once a second for the first of them. Writes the table "A camera for a
+minute" of docs/measured/reach.md."""
 
 import numpy as np
 
 import ddmhe
+from bodies import DEG, DT, RECORDED, bodies, tumbled
 from ddmhe.report.page import markdown_table
-from reach import DEG, DT, RECORDED, tumbling
+from reach_page import put
 
-BODIES, ONLINE, SEEN = 8, 3600, 600
+SEEDS, ONLINE, SEEN = range(1000, 1008), 3600, 600
 NOISES = ((1e-4, 0.01, 1e-4), (1e-3, 0.01, 1e-4), (1e-3, 0.05, 1e-3))
 """Of recorded rates (rad/s), of torques (N m), of the camera (rad/s)."""
 SPANS = {"60 s": slice(500, 600), "160 s": slice(1500, 1600), "360 s": slice(3300, 3600)}
@@ -40,16 +41,16 @@ def case(x, y, noises, seed):
 
 def main():
     """All cases; the table."""
-    x, y = tumbling()
+    x, y = tumbled(bodies(SEEDS), RECORDED + ONLINE)
     rows = []
     for noises in NOISES:
-        found = np.array([case(x[:, k], y[:, k], noises, k) for k in range(BODIES)])
+        found = np.array([case(x[:, k], y[:, k], noises, k) for k in range(len(SEEDS))])
         for i, name in ((0, "DdMhe"), (2, "RigidBodyMhe")):
             errors = [f"{np.median(v):.2g}" for v in found[:, i + 1].T]
             ratios = [f"{v:.2f}" for v in np.median(found[:, i + 1] / found[:, i], axis=0)]
             spans = [f"{e} ({r})" for e, r in zip(errors, ratios, strict=True)]
             rows.append((", ".join(f"{v:g}" for v in noises), name, *spans))
-    print("\n".join(markdown_table(("noise", "estimator", *SPANS), rows)))
+    put("camera", markdown_table(("noise", "estimator", *SPANS), rows))
 
 
 if __name__ == "__main__":

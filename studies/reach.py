@@ -1,140 +1,226 @@
-"""How far estimates of a tumbling body reach beyond its recording: thirty random bodies at five
-noise levels, 20 s recorded, 600 s from their torque alone. Prints the tables of
-docs/measured/reach.md."""
+"""How far estimates of a tumbling body reach beyond its recording, beside the Cramér-Rao bound:
+thirty random bodies and thirty held-out ones at five noise levels, 20 s recorded, 600 s from their
+torque alone. Writes tables of docs/measured/reach.md and draws its figure."""
 
-import sys
+import os
+from collections.abc import Callable, Iterator
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
 
 import numpy as np
 
 import ddmhe
+import reach_figure
+from bodies import DEG, DT, LEVELS, ONLINE, RECORDED, Case, bodies, noisy, tumbled
+from bound import bound, known, sensitivities
 from ddmhe.report.page import markdown_table
+from reach_asked import asked, mean
+from reach_page import put
 
-BODIES, DT, RECORDED, ONLINE = 30, 0.1, 200, 6000
+HELD = "held out"
+SETS = {"thirty bodies": range(1000, 1030), HELD: range(3000, 3030)}
+"""Seeds. On the first thirty things may have been chosen, on the held-out ones nothing was."""
 SPANS = (20, 40, 100, 600)
 """Seconds after the recording's end over which errors are taken."""
-LEVELS = (
-    ("none; 0.01 later", 0.0, 0.0, 1e-2),
-    ("1e-5, 0.001", 1e-5, 1e-3, 1e-3),
-    ("1e-4, 0.01", 1e-4, 1e-2, 1e-2),
-    ("1e-3, 0.01", 1e-3, 1e-2, 1e-2),
-    ("1e-3, 0.05", 1e-3, 5e-2, 5e-2),
-)
-"""Noise of recorded rates (rad/s), of recorded and of later torques (N m)."""
-DEG = 180 / np.pi
+WORDS = ("none; 0.01 later", "1e-5, 0.001", "1e-4, 0.01", "1e-3, 0.01", "1e-3, 0.05")
+"""Of the noise levels: of recorded rates (rad/s), of torques (N m)."""
+FAR = 2.3
+"""Times the bound: what counts as missed."""
 
 
-def cross(v):
-    """The matrices (…, 3, 3) of v × ·."""
-    a, b, c = np.moveaxis(v, -1, 0)
-    o = np.zeros_like(a)
-    return np.stack([o, -c, b, c, o, -a, -b, a, o], -1).reshape(*v.shape, 3)
+@dataclass(frozen=True, eq=False)
+class Found:
+    """What an estimator made of a case."""
+
+    rms: np.ndarray
+    """Root-mean-square errors over SPANS (4), deg/s."""
+    within: float
+    """Share of errors of rates within two stated deviations."""
+    trusted: float
+    """Share of samples."""
+    unnoticed: tuple[float, float]
+    """Share of samples that are trusted while a rate errs by more than 3 and 5 deviations."""
+    doubt: float
+    """Seconds until an estimate is first not trusted; NaN where all are."""
+    fell: bool
+    """Whether an affine estimator took over."""
+    size: np.ndarray
+    """|error| (N), deg/s, as it grows."""
 
 
-def rotation(draw):
-    return np.linalg.qr(draw.standard_normal((3, 3)))[0]
+def spans(size, dt=DT):
+    """Root-mean-square (4, …) of |error| (N, …) over SPANS, those beyond its end left out."""
+    return np.array(
+        [np.sqrt(np.mean(size[: round(s / dt)] ** 2, axis=0)) for s in SPANS
+         if round(s / dt) <= len(size)]
+    )  # fmt: skip
 
 
-def body(seed):
-    """Inertia (kg m²), drag and map to the torque (3, 3), first rate (rad/s) of a random body in a
-    magnetic field that brakes it."""
-    draw = np.random.default_rng(seed)
-    moments = draw.uniform(1000, 6000, 3)
-    while 2 * moments.max() >= 0.98 * moments.sum():  # no body has such moments
-        moments = draw.uniform(1000, 6000, 3)
-    turn, other = rotation(draw), rotation(draw)
-    conductivity = 0.89e5 * other @ np.diag(draw.uniform(1.5, 7, 3)) @ other.T
-    field = draw.standard_normal(3)
-    field *= draw.uniform(50e-4, 110e-4) / np.linalg.norm(field)
-    gradient = draw.standard_normal((3, 3))
-    gradient = 70e-4 * (gradient + gradient.T)
-    gradient -= np.eye(3) * np.trace(gradient) / 3
-    arm = cross(draw.uniform(-1, 1, 3))
-    rate = draw.standard_normal(3)
-    rate *= np.deg2rad(draw.uniform(2, 20)) / np.linalg.norm(rate)
-    brake = conductivity @ cross(field)
-    return (
-        turn @ np.diag(moments) @ turn.T,
-        cross(field) @ brake,
-        -(cross(field) - arm @ gradient) @ brake,
-        rate,
+def judged(log, case: Case) -> Found:
+    off = np.abs(log.x - case.truth)
+    size = DEG * np.linalg.norm(off, axis=1)
+    beyond = [np.any(off > k * log.std, axis=1) for k in (3, 5)]
+    doubt = np.argmin(log.trusted) * case.dt if not np.all(log.trusted) else np.nan
+    return Found(
+        spans(size, case.dt),
+        float(np.mean(off <= 2 * log.std)),
+        float(np.mean(log.trusted)),
+        tuple(float(np.mean(log.trusted & far)) for far in beyond),
+        float(doubt),
+        bool(np.any(log.status == "affine")),
+        size.astype(np.float32),
     )
 
 
-def tumbling():
-    """Rates and torques (samples, bodies, 3) of all bodies, without noise."""
-    J, D, C, w = (np.array(part) for part in zip(*map(body, range(BODIES)), strict=True))
-    inverse, h = np.linalg.inv(J), DT / 4
-
-    def along(A, v):
-        return np.einsum("bij,bj->bi", A, v)
-
-    def f(w):
-        return along(inverse, along(D, w) - np.cross(w, along(J, w)))
-
-    rates = [w]
-    for _ in range(RECORDED + ONLINE):
-        for _ in range(4):
-            a = f(w)
-            b = f(w + h / 2 * a)
-            c = f(w + h / 2 * b)
-            w = w + h / 6 * (a + 2 * b + 2 * c + f(w + h * c))
-        rates.append(w)
-    x = np.array(rates)
-    return x, np.einsum("bij,tbj->tbi", C, x)
+def stated(case: Case):
+    """The noise, as `RigidBodyMhe` is told."""
+    return dict(zip(("x_noise", "y_noise", "output_noise"), case.noise, strict=True))
 
 
-def errors(log, truth):
-    """Root-mean-square errors (deg/s) over each of SPANS, and the share within two deviations."""
-    off = log.x - truth
-    square = np.sum(off**2, axis=1)
-    spans = [DEG * np.sqrt(np.mean(square[: round(s / DT)])) for s in SPANS]
-    return [*spans, np.mean(np.abs(off) <= 2 * log.std)]
+def estimators(case: Case, more: bool) -> dict[str, Callable]:
+    """What takes part, by name; `more` of it on held-out bodies."""
+    history, noise = case.history, stated(case)
+    made = {
+        "DdMhe": lambda: ddmhe.DdMhe(history, output_noise=max(case.noise[2], 1e-9)),
+        "now": lambda: ddmhe.RigidBodyMhe(history, refit="now", **noise),
+        "sliced": lambda: ddmhe.RigidBodyMhe(history, refit="sliced", **noise),
+    }
+    if more:
+        made["noise unknown"] = lambda: ddmhe.RigidBodyMhe(history)
+        made["one optimum"] = lambda: ddmhe.RigidBodyMhe(history, optima=1, **noise)
+    return made
 
 
-def case(x, y, level, seed):
-    """Errors of three estimators on one body."""
-    _, of_x, of_y, of_later = level
-    draw = np.random.default_rng([77, seed])
-    noisy = y[:-1] + np.where(np.arange(len(y) - 1) < RECORDED, of_y, of_later)[
-        :, None
-    ] * draw.standard_normal((len(y) - 1, 3))
-    recorded = x[: RECORDED + 1] + of_x * draw.standard_normal((RECORDED + 1, 3))
-    history = ddmhe.History(recorded, noisy[:RECORDED], dt=DT)
-    noise = dict(x_noise=of_x, y_noise=of_y, output_noise=of_later)
-    made = [
-        ddmhe.DdMhe(history, output_noise=max(of_later, 1e-9)),
-        ddmhe.RigidBodyMhe(history, refit="now", **noise),
-        ddmhe.RigidBodyMhe(history, refit="sliced", **noise),
+def estimated(job: tuple[Case, bool]) -> dict[str, Found]:
+    return {name: judged(make().run(job[0].Y), job[0]) for name, make in estimators(*job).items()}
+
+
+def everywhere(work, jobs) -> Iterator:
+    """`work` of each job in turn, made by all processors."""
+    with ProcessPoolExecutor(os.cpu_count()) as pool:
+        yield from pool.map(work, jobs)
+
+
+@dataclass(frozen=True, eq=False)
+class Level:
+    """All bodies of a set at one noise level."""
+
+    bound: np.ndarray
+    """|error| over time that the Cramér-Rao bound allows (N, B), deg/s."""
+    known: np.ndarray
+    """Of the filter that knows everything but the noise (N, B)."""
+    found: dict[str, list[Found]]
+    """By estimator, a body each."""
+
+    @property
+    def rigid(self) -> list[str]:
+        return [name for name in self.found if name != "DdMhe"]
+
+    def rms(self, name) -> np.ndarray:
+        """Errors over SPANS (4, B), deg/s."""
+        return np.array([one.rms for one in self.found[name]]).T
+
+    def ratio(self, name) -> np.ndarray:
+        """Errors over the bound (4, B)."""
+        return self.rms(name) / spans(self.bound)
+
+
+def studied(seeds, more) -> list[Level]:
+    group = bodies(seeds)
+    x, y = tumbled(group)
+    levels = [
+        [noisy(x[:, k], y[:, k], seed, level) for k, seed in enumerate(seeds)]
+        for level in range(len(LEVELS))
     ]
-    logs = [estimator.run(noisy[RECORDED:]) for estimator in made]
-    fell = [np.any(log.status == "affine") for log in logs]
-    return [errors(log, x[RECORDED + 1 :]) for log in logs], fell
+    by_unknowns = sensitivities(group, RECORDED + ONLINE)
+    bounds = [DEG * bound(*by_unknowns, cases, RECORDED) for cases in levels]
+    del by_unknowns
+    logs = everywhere(estimated, [(case, more) for cases in levels for case in cases])
+    made = []
+    for cases, limit in zip(levels, bounds, strict=True):
+        truth = np.stack([case.truth for case in cases], 1)
+        off = DEG * np.linalg.norm(known(group, cases) - truth, axis=2)
+        found = [next(logs) for _ in cases]
+        by_name = {name: [one[name] for one in found] for name in found[0]}
+        made.append(Level(limit, off, by_name))
+    return made
+
+
+def errors(levels):
+    """The median error of all bodies (deg/s), in brackets the largest."""
+    rows = []
+    for words, level in zip(WORDS, levels, strict=True):
+        parts = {"bound": spans(level.bound), "everything known": spans(level.known)}
+        parts |= {name: level.rms(name) for name in level.found}
+        for name, rms in parts.items():
+            if name != "bound" or words != WORDS[0]:
+                shown = f"RigidBodyMhe, {name}" if name in level.rigid else name
+                rows.append((words, shown, *(f"{np.median(v):.2g} ({v.max():.2g})" for v in rms)))
+    return markdown_table(("noise", "estimator", *(f"{s} s" for s in SPANS)), rows)
+
+
+def ratios(sets):
+    """Errors over the bound: geometric mean, in brackets the largest, and the share up to FAR."""
+    rows = []
+    for title, levels in sets.items():
+        for name in levels[0].rigid:
+            own = [(w, level.ratio(name)) for w, level in zip(WORDS[1:], levels[1:], strict=True)]
+            own.append(("all", np.hstack([ratio for _, ratio in own])))
+            for words, ratio in own:
+                cells = [f"{mean(v):.2f} ({v.max():.3g})" for v in ratio]
+                rows.append((title, name, words, *cells, f"{np.mean(ratio <= FAR):.0%}"))
+    head = ("bodies", "fits", "noise", *(f"{s} s" for s in SPANS), f"up to {FAR}")
+    return markdown_table(head, rows)
+
+
+def bars(sets):
+    """How the stated deviations hold over 600 s, and what is trusted."""
+    rows = []
+    for title, levels in sets.items():
+        for name in levels[0].rigid:
+            for words, level in zip(WORDS, levels, strict=True):
+                own = level.found[name]
+                within = np.array([one.within for one in own])
+                three, five = np.array([one.unnoticed for one in own]).T
+                rows.append(
+                    (title, name, words, f"{within.mean():.2f} ({within.min():.2f})",
+                     f"{np.mean([one.trusted for one in own]):.1%}",
+                     f"{three.mean():.1%} ({three.max():.0%})",
+                     f"{five.mean():.1%} ({five.max():.0%})")
+                )  # fmt: skip
+    head = ("bodies", "fits", "noise", "within 2 sd", "trusted", "unnoticed, 3 sd", "5 sd")
+    return markdown_table(head, rows)
+
+
+def missed(sets):
+    """The cases with noise in which an error of "now" is more than FAR times the bound."""
+    rows = []
+    for title, levels in sets.items():
+        seeds, group = SETS[title], bodies(SETS[title])
+        for words, level in zip(WORDS[1:], levels[1:], strict=True):
+            made = {name: level.ratio(name) for name in ("now", "sliced")}
+            worst = made["now"].max(axis=0)
+            for k in np.flatnonzero(worst > FAR):
+                moments = np.linalg.eigvalsh(group.J[k])
+                spin = DEG * np.linalg.norm(group.w[k])
+                cells = [" ".join(f"{v:.3g}" for v in ratio[:, k]) for ratio in made.values()]
+                within = [f"{level.found[name][k].within:.2f}" for name in made]
+                rows.append((title, words, str(seeds[k]), f"{spin:.1f}",
+                             f"{moments[-1] / moments[0]:.2f}", *cells,
+                             " ".join(within)))  # fmt: skip
+    head = ("bodies", "noise", "seed", "spin (deg/s)", "Jmax/Jmin", "now", "sliced", "within 2 sd")
+    return markdown_table(head, rows)
 
 
 def main():
-    """All cases; the tables."""
-    x, y = tumbling()
-    names = ("DdMhe", "RigidBodyMhe, now", "RigidBodyMhe, sliced")
-    rows, ratios = [], []
-    for level in LEVELS:
-        found = []
-        for k in range(BODIES):
-            values, fell = case(x[:, k], y[:, k], level, k)
-            found.append(values)
-            if any(fell):
-                print(f"{level[0]}: body {k} fell back", file=sys.stderr)
-        found = np.array(found)  # bodies, estimators, spans and coverage
-        for i, name in enumerate(names):
-            spans = [f"{np.median(v):.2g} ({v.max():.2g})" for v in found[:, i, :4].T]
-            cover = found[:, i, 4]
-            rows.append((level[0], name, *spans, f"{cover.mean():.2f} ({cover.min():.2f})"))
-        ratio = found[:, 2, :4] / found[:, 1, :4]
-        means = [f"{np.exp(np.mean(np.log(v))):.2f} ({v.max():.3g})" for v in ratio.T]
-        ratios.append((level[0], *means))
-    head = ("noise", "estimator", *(f"{s} s" for s in SPANS), "within 2 sd")
-    print("\n".join(markdown_table(head, rows)))
-    print()
-    print("\n".join(markdown_table(("noise", *(f"{s} s" for s in SPANS)), ratios)))
+    """All cases; the tables; the figure."""
+    sets = {title: studied(seeds, title == HELD) for title, seeds in SETS.items()}
+    put("asked", asked(sets))
+    put("errors", errors(sets[HELD]))
+    put("ratios", ratios(sets))
+    put("bars", bars(sets))
+    put("missed", missed(sets))
+    reach_figure.draw(sets[HELD][2])
 
 
 if __name__ == "__main__":

@@ -2,6 +2,7 @@
 one Jacobian of everything by finite differences, the filter that knows the body against it."""
 
 import importlib
+import re
 from pathlib import Path
 
 import numpy as np
@@ -116,3 +117,23 @@ def test_without_noise_that_filter_has_no_error(study):
     exact = bodies.Case(x[: RECORDED + 1, 0], y[:RECORDED, 0], y[RECORDED:-1, 0],
                         x[RECORDED + 1 :, 0], (0.0, 0.0, 1e-3))  # fmt: skip
     assert np.abs(bound.known(group, [exact])[:, 0] - exact.truth).max() < 1e-9
+
+
+def test_every_table_has_its_place_on_the_page(monkeypatch, tmp_path, capsys):
+    monkeypatch.syspath_prepend(STUDIES)
+    page = importlib.import_module("reach_page")
+    text = page.PAGE.read_text(encoding="utf-8")
+    names = [name for path in STUDIES.glob("*.py")
+             if "from reach_page import put" in (code := path.read_text(encoding="utf-8"))
+             for name in re.findall(r'put\("([^"]+)"', code)]  # fmt: skip
+    assert len(names) > 8
+    assert sorted(names) == sorted(re.findall("<!-- begin (.+) -->", text))
+    monkeypatch.setattr(page, "PAGE", tmp_path / "page.md")
+    page.PAGE.write_text(text, encoding="utf-8")
+    page.put("bars", ["| a \\1 |", "| --- |"])
+    made = page.PAGE.read_text(encoding="utf-8")
+    assert made.count("| a \\1 |") == 1
+    assert made.split("<!-- end bars -->")[1] == text.split("<!-- end bars -->")[1]
+    assert "| a" in capsys.readouterr().out
+    with pytest.raises(ValueError, match="one place for 'bar', found 0"):
+        page.put("bar", [])
