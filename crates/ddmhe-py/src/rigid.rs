@@ -46,10 +46,10 @@ use std::sync::MutexGuard;
 ///     and this noise.
 /// refit : "now" | "sliced" | "manual"
 ///     When the motion is fitted anew to recording and all outputs since, which is due .25, .35, .5,
-///     .7, 1, 1.4, 2, 2.8, 4, 8, 16 and 32 lengths of the recording behind its end. "now": in the
-///     steps that it is due in, which take some 10 ms to some 100 ms. "sliced": a little with each
-///     step, while the filter goes on; fits then come later and are fewer, and errors larger.
-///     "manual": when refit is called.
+///     .7, 1, 1.4 and 2 lengths of the recording behind its end, and then each time that 1.15 times
+///     as much has passed, up to 32. "now": in the steps that it is due in, which take some 10 ms to
+///     some 100 ms. "sliced": a little with each step, while the filter goes on; fits then come later
+///     and are fewer, and errors larger. "manual": when refit is called.
 /// optima : int
 ///     How many motions that may have made the data are followed at once, 1 to 4, each with its
 ///     probability: the estimate is their mean, and its covariance has how far they are apart. 1: the

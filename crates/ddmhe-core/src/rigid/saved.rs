@@ -162,11 +162,12 @@ fn read_mixture<const P: usize, const N: usize>(
     Mixture::of(read.collect::<Option<Vec<_>>>()?.into_iter())
 }
 
-/// A fit; then z and P by rows, score and shares of wild samples of its filter.
+/// A fit; then z and P by rows, score, shares of wild samples and, if any, nominal z of its filter.
 fn of_member<const P: usize, const N: usize>(member: &Member<P, N>) -> Vec<f64> {
     let filter = &member.filter;
     let rest = [filter.score, filter.wild, filter.wild_rates];
-    [&numbers(&member.found)[..], &filter.z, filter.P.as_flattened(), &rest].concat()
+    let nominal = filter.nominal.as_ref().map_or(&[][..], |at| &at[..]);
+    [&numbers(&member.found)[..], &filter.z, filter.P.as_flattened(), &rest, nominal].concat()
 }
 
 fn read_member<const P: usize, const N: usize>(
@@ -182,6 +183,9 @@ fn read_member<const P: usize, const N: usize>(
     from.fill(&mut filter.z)?;
     from.fill(filter.P.as_flattened_mut())?;
     [filter.score, filter.wild, filter.wild_rates] = from.take()?;
+    if !from.0.is_empty() {
+        filter.nominal = Some(from.take()?);
+    }
     from.0.is_empty().then_some(member)
 }
 

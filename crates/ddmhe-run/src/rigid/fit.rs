@@ -16,6 +16,10 @@ const FAILURES: usize = 12;
 /// stops half of the hard cases too early.
 const ENDED: (f64, f64) = (1e-2, 1e-3);
 
+/// A fit has not ended where its linearisation still has more than this to gain: it creeps along a
+/// valley in which damped steps are short.
+const DECREMENT: f64 = 1.0;
+
 /// What is next.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Phase {
@@ -124,10 +128,17 @@ impl<M: Motion<P, N> + Clone, const P: usize, const N: usize> Fit<M, P, N> {
             self.failures = 0;
             self.steps += 1;
             self.lambda = (self.lambda / FACTORS.1).max(DAMPING.1);
-            if (gain < ENDED.0 && self.lambda < ENDED.1) || self.steps == self.most {
+            let ended = gain < ENDED.0 && self.lambda < ENDED.1 && !self.may_gain(DECREMENT);
+            if ended || self.steps == self.most {
                 self.phase = Phase::Inverse;
             }
         }
+    }
+
+    /// Whether an undamped step would lower the cost by more than so much, were all linear: ‖q‖² of the
+    /// best's factor.
+    fn may_gain(&self, more: f64) -> bool {
+        self.best.factor.q.iter().map(|q| q * q).sum::<f64>() > more
     }
 
     /// What an ended fit found; None where the motion of its start runs away.

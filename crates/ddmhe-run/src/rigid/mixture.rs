@@ -55,6 +55,16 @@ impl<const P: usize, const N: usize> Mixture<P, N> {
         mixture.weigh().then_some(mixture)
     }
 
+    /// Whether its filters are linear about their fits, from now on.
+    pub fn hold(&mut self, held: bool) {
+        for (_, member) in self.counted_mut() {
+            match held {
+                true => member.filter.hold(),
+                false => member.filter.nominal = None,
+            }
+        }
+    }
+
     /// Probabilities anew, from the evidence of the fits; whether there is a member.
     fn weigh(&mut self) -> bool {
         let weights = self.members.map(|m| m.map_or(f64::NEG_INFINITY, |m| m.found.weight()));

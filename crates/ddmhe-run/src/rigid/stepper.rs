@@ -6,8 +6,13 @@ use crate::rigid::mixture::{Member, Mixture};
 use crate::rigid::pass::Data;
 use crate::rigid::small::Vector;
 
-/// After how many lengths of the recording all data are fitted anew.
-pub const SCHEDULE: [f64; 12] = [0.25, 0.35, 0.5, 0.7, 1.0, 1.4, 2.0, 2.8, 4.0, 8.0, 16.0, 32.0];
+/// After how many lengths of the recording all data are fitted anew; then each time that so many times
+/// as much has passed, up to the last.
+const SCHEDULE: ([f64; 7], f64, f64) = ([0.25, 0.35, 0.5, 0.7, 1.0, 1.4, 2.0], 1.15, 32.0);
+/// Filters are linear about fits from so many lengths of the recording on, until what came since is
+/// such a share of what the fit is of: before, fits follow each other so closely that the extended
+/// filter does.
+const HELD: (f64, f64) = (2.0, 0.5);
 /// The latest optimum of the leading motion is a start, too, up to so many of its lengths.
 const ALTERNATIVES: usize = 4;
 /// Samples of a fit that a step of [`Refit::Sliced`] takes in, with 1 to 6 outputs: some 30 µs on a
@@ -23,12 +28,16 @@ const THOROUGH: usize = 3;
 
 /// Number of the sample, of `outputs` recorded ones, at which fit `k` anew is due.
 pub fn due(k: usize, outputs: usize) -> Option<usize> {
-    SCHEDULE.get(k).map(|lengths| libm::rint(lengths * outputs as f64) as usize)
+    let (first, factor, last) = SCHEDULE;
+    let beyond =
+        |k: usize| first[first.len() - 1] * libm::pow(factor, (k + 1 - first.len()) as f64);
+    let lengths = first.get(k).copied().unwrap_or_else(|| beyond(k));
+    (lengths <= last).then(|| libm::rint(lengths * outputs as f64) as usize)
 }
 
 /// Number of the sample at which the last of them is due.
 pub fn last_fit(outputs: usize) -> usize {
-    due(SCHEDULE.len() - 1, outputs).unwrap_or(0)
+    (SCHEDULE.2 * outputs as f64) as usize
 }
 
 /// Samples of a fit that one step takes in, with p outputs.
@@ -148,6 +157,10 @@ impl<const P: usize, const N: usize> Stepper<P, N> {
             Some(Refit::Sliced) => self.slice(data, limits),
             Some(Refit::Manual) | None => {}
         }
+        let since = self.t.saturating_sub(self.begun);
+        if since as f64 > HELD.1 * (data.y.len() + self.begun) as f64 {
+            self.mixture.hold(false);
+        }
         let Some(limits) = limits else { return };
         self.mixture.counted_mut().for_each(|(_, member)| member.filter.confine(limits));
     }
@@ -167,7 +180,8 @@ impl<const P: usize, const N: usize> Stepper<P, N> {
         self.work = None;
         let Some(mut fits) = self.starts(data, true) else { return false };
         while !fits.advance(data, usize::MAX) {}
-        let Some(mixture) = self.following(&fits) else { return false };
+        self.begun = self.t;
+        let Some(mixture) = self.following(&fits, data.y.len()) else { return false };
         self.mixture = mixture;
         true
     }
@@ -181,7 +195,8 @@ impl<const P: usize, const N: usize> Stepper<P, N> {
         let others = self.mixture.members().enumerate();
         let others = others.filter(|(k, _)| *k != place && (all || counted[*k] > 0.0));
         let others = others.map(|(_, member)| member.from_optimum());
-        let first = if all { leading.from_filter() } else { leading.from_optimum() };
+        let held = leading.filter.nominal.is_some();
+        let first = if all || held { leading.from_filter() } else { leading.from_optimum() };
         let starts =
             core::iter::once(first).chain(stale.then(|| leading.from_optimum())).chain(others);
         let settings = (self.size, self.known, settles);
@@ -189,7 +204,7 @@ impl<const P: usize, const N: usize> Stepper<P, N> {
     }
 
     /// What goes on from ended fits; where no body explains the data all filters doubt.
-    fn following(&mut self, fits: &Anchoring<P, N>) -> Option<Mixture<P, N>> {
+    fn following(&mut self, fits: &Anchoring<P, N>, outputs: usize) -> Option<Mixture<P, N>> {
         let leading = self.leading()?.filter;
         let found = fits.optima().and_then(|found| Mixture::new(&found, &leading.noise, self.most));
         let Some(mut mixture) = found else {
@@ -197,6 +212,8 @@ impl<const P: usize, const N: usize> Stepper<P, N> {
             return None;
         };
         mixture.counted_mut().for_each(|(_, member)| member.filter.inherit(&leading));
+        let since = fits.end() - outputs;
+        mixture.hold(since as f64 >= HELD.0 * outputs as f64);
         Some(mixture)
     }
 
@@ -210,7 +227,9 @@ impl<const P: usize, const N: usize> Stepper<P, N> {
                     && let Some(Work::Fits(fits, _)) = self.work.take()
                 {
                     let next = fits.end() - data.y.len();
-                    self.work = self.following(&fits).map(|mixture| Work::Replay(mixture, next));
+                    self.work = self
+                        .following(&fits, data.y.len())
+                        .map(|mixture| Work::Replay(mixture, next));
                 }
             }
             Some(Work::Replay(mixture, next)) => {
