@@ -34,7 +34,10 @@ class Bodies:
 
 def bodies(seeds) -> Bodies:
     """The targets with these seeds."""
-    models = [target(seed) for seed in seeds]
+    return stacked([target(seed) for seed in seeds])
+
+
+def stacked(models) -> Bodies:
     return Bodies(
         np.array([m.inertia for m in models]),
         np.array([m.torque(np.eye(3)).T for m in models]),
