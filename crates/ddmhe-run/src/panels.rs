@@ -318,8 +318,8 @@ pub fn weighted_square(weights: &[f64], v: &[f64]) -> f64 {
     halve(sums, |a, b| a + b)
 }
 
-// Here and in `axpy` a loop, not `for_each`, which may be compiled on its own, without the vector
-// units.
+// Here, in `axpy` and in `halve` a loop, not `for_each`, which may be compiled on its own, without
+// the vector units.
 /// f of eight pairs.
 #[inline(always)]
 pub fn each(a: [f64; WIDTH], b: [f64; WIDTH], f: impl Fn(f64, f64) -> f64) -> [f64; WIDTH] {
@@ -334,7 +334,9 @@ pub fn each(a: [f64; WIDTH], b: [f64; WIDTH], f: impl Fn(f64, f64) -> f64) -> [f
 #[inline(always)]
 pub fn halve(mut x: [f64; WIDTH], join: impl Fn(f64, f64) -> f64) -> f64 {
     for half in [WIDTH / 2, WIDTH / 4, WIDTH / 8] {
-        (0..half).for_each(|i| x[i] = join(x[i], x[i + half]));
+        for i in 0..half {
+            x[i] = join(x[i], x[i + half]);
+        }
     }
     x[0]
 }

@@ -28,8 +28,9 @@ use crate::status::Status;
 use crate::tol;
 
 impl WindowProblem<'_> {
-    /// [`solve`](Self::solve) on the fallback's vector units.
-    #[inline(always)]
+    /// [`solve`](Self::solve) on the fallback's vector units: once in a program for each kind of
+    /// them, not in every caller.
+    #[inline(never)]
     pub fn solve_vectorised(
         &self,
         fallback: &impl Fallback,
