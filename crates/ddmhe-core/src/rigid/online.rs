@@ -14,6 +14,7 @@ use crate::rigid::saved::Saved;
 use ddmhe_run::rigid::anchoring::Optima;
 use ddmhe_run::rigid::filter::DISAGREE;
 use ddmhe_run::rigid::layout::{INERTIA, TILT, unknowns};
+use ddmhe_run::rigid::pass::Units;
 use ddmhe_run::rigid::small::{Matrix, Vector, inertia};
 use ddmhe_run::rigid::stepper::last_fit;
 use ddmhe_run::rigid::{Body, Data, Innovation, Limits, Posterior, Refit, Stepper};
@@ -67,7 +68,7 @@ struct Ground<const P: usize, const N: usize> {
     half: [f64; 3],
     range: [[f64; 2]; 3],
     /// The machine's vector units.
-    units: pulp::Arch,
+    units: Wide,
 }
 
 #[derive(Clone)]
@@ -155,6 +156,17 @@ pub(crate) fn online(history: &History, config: &RigidConfig) -> Result<Box<dyn 
     }
 }
 
+/// The widest that the machine has.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Wide(pulp::Arch);
+
+impl Units for Wide {
+    #[inline(always)]
+    fn run<R>(&self, work: impl FnOnce() -> R) -> R {
+        self.0.dispatch(work)
+    }
+}
+
 impl<const P: usize, const N: usize> Ground<P, N> {
     fn new<const NA: usize>(history: &History, config: &RigidConfig) -> Result<Self, Error> {
         let recording = Recording::<P>::new(history, config)?;
@@ -180,7 +192,7 @@ impl<const P: usize, const N: usize> Ground<P, N> {
         };
         let (half, range) = spread(&recording.x);
         let most = config.optima;
-        let units = pulp::Arch::new();
+        let units = Wide(pulp::Arch::new());
         Ok(Ground { recording, choice, noise, refit, most, limits, half, range, units })
     }
 
@@ -314,7 +326,7 @@ impl<const P: usize, const N: usize> Online for Run<P, N> {
         sample.copy_from_slice(y);
         let mut rates = rates.map(|x| [x[0], x[1], x[2]]);
         let noise = self.ground.recording.of_rates;
-        let (said, foretold) = self.ground.units.dispatch(
+        let (said, foretold) = self.ground.units.run(
             #[inline(always)]
             || stepper.advance(&mut sample, rates.as_mut().map(|x| (x, &noise))),
         );
@@ -324,7 +336,7 @@ impl<const P: usize, const N: usize> Online for Run<P, N> {
         let Some(stepper) = &mut self.stepper else { return false };
         if foretold {
             let data = self.ground.data(&self.later, &self.rates);
-            stepper.anchor(&data, self.ground.limits.as_ref());
+            stepper.anchor(&data, self.ground.limits.as_ref(), &self.ground.units);
         }
         let now = stepper.mixture.mean();
         if !foretold || now.0.iter().any(|v| !v.is_finite()) {
@@ -345,7 +357,7 @@ impl<const P: usize, const N: usize> Online for Run<P, N> {
 
     fn refit(&mut self) -> bool {
         let data = self.ground.data(&self.later, &self.rates);
-        self.stepper.as_mut().is_some_and(|stepper| stepper.fit_anew(&data))
+        self.stepper.as_mut().is_some_and(|stepper| stepper.fit_anew(&data, &self.ground.units))
     }
 
     fn give_up(&mut self) {
@@ -388,7 +400,7 @@ impl<const P: usize, const N: usize> Online for Run<P, N> {
         if let Some(stepper) = &mut self.stepper {
             let ground = &self.ground;
             let data = ground.data(&self.later, &self.rates);
-            saved.resume_work(stepper, &ground.recording, &data)?;
+            saved.resume_work(stepper, &ground.recording, (&data, &ground.units))?;
         }
         Ok(())
     }

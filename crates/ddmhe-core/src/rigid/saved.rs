@@ -4,6 +4,7 @@ use crate::error::Error;
 use crate::rigid::recording::Recording;
 use ddmhe_run::rigid::anchoring::OPTIMA;
 use ddmhe_run::rigid::motion::Steps;
+use ddmhe_run::rigid::pass::Units;
 use ddmhe_run::rigid::stepper::{Work, slice};
 use ddmhe_run::rigid::{Anchoring, Body, Data, Member, Misfit, Mixture, Posterior, Stepper};
 use serde::{Deserialize, Serialize};
@@ -111,7 +112,7 @@ impl Saved {
         &self,
         stepper: &mut Stepper<P, N>,
         recording: &Recording<P>,
-        data: &Data<'_, P>,
+        (data, units): (&Data<'_, P>, &impl Units),
     ) -> Result<(), Error> {
         let steps = recording.steps();
         stepper.work = match &self.work {
@@ -132,7 +133,7 @@ impl Saved {
                 let fits = Anchoring::new(read.into_iter(), *end, settings);
                 let mut fits = fits.ok_or_else(wrong)?;
                 for _ in 0..*calls {
-                    fits.advance(data, slice(P));
+                    fits.advance(data, slice(P), units);
                 }
                 Some(Work::Fits(fits, *calls))
             }

@@ -4,7 +4,7 @@ use crate::rigid::body::Body;
 use crate::rigid::fit::Fit;
 use crate::rigid::layout::offset;
 use crate::rigid::motion::Motion;
-use crate::rigid::pass::Data;
+use crate::rigid::pass::{Data, Units};
 use crate::rigid::posterior::{EULER, Posterior};
 
 /// Optima that are kept.
@@ -83,9 +83,19 @@ impl<const P: usize, const N: usize> Anchoring<P, N> {
         self.fit.end()
     }
 
+    /// The same with the outputs before `end`, from where each fit has come to.
+    pub fn anew(&self, end: usize) -> Option<Self> {
+        let Stage::Starts(now) = self.stage else { return None };
+        let fitted = self.found.iter().flatten().map(|f| f.motion.rebased(&f.z));
+        let current = self.fit.best().map(|(body, z)| body.rebased(z));
+        let rest = self.starts.iter().skip(now + 1).flatten().copied();
+        let starts = fitted.chain(current).chain(rest).take(OPTIMA + 1);
+        Anchoring::new(starts, end, (self.size, self.known, self.settles))
+    }
+
     /// As much work as a pass has with so many samples; whether all fits have ended.
-    pub fn advance(&mut self, data: &Data<'_, P>, samples: usize) -> bool {
-        if self.stage != Stage::Ended && self.fit.advance(data, samples) {
+    pub fn advance(&mut self, data: &Data<'_, P>, samples: usize, units: &impl Units) -> bool {
+        if self.stage != Stage::Ended && self.fit.advance(data, samples, units) {
             self.take(data);
         }
         self.stage == Stage::Ended

@@ -17,9 +17,11 @@ impl<const N: usize> Factor<N> {
     /// Of no row.
     pub const EMPTY: Self = Factor { R: [[0.0; N]; N], q: [0.0; N] };
 
-    /// Takes in rows a and right sides e that are 0 before column `from`, by one reflection a column.
-    pub fn fold(&mut self, from: usize, a: &mut [[f64; N]], e: &mut [f64]) {
-        for j in from..N {
+    /// Takes in rows a and right sides e, by one reflection a column. All columns are gone through for
+    /// each, also those before it, which are 0: so many at once are what vector units do.
+    #[inline(always)]
+    pub fn fold(&mut self, a: &mut [[f64; N]], e: &mut [f64]) {
+        for j in 0..N {
             let below: f64 = a.iter().map(|row| row[j] * row[j]).sum();
             if below == 0.0 {
                 continue;
@@ -28,20 +30,19 @@ impl<const N: usize> Factor<N> {
             let length = (own * own + below).root();
             let beta = if own > 0.0 { -length } else { length };
             let (scale, tau) = (1.0 / (own - beta), (beta - own) / beta);
-            let mut sum = self.R[j];
-            let mut right = self.q[j];
+            let (mut sum, mut right) = (self.R[j], self.q[j]);
             for (row, e) in a.iter_mut().zip(e.iter()) {
                 let v = row[j] * scale;
-                (j + 1..N).for_each(|k| sum[k] += v * row[k]);
+                sum.iter_mut().zip(row.iter()).for_each(|(sum, entry)| *sum += v * entry);
                 right += v * e;
                 row[j] = v;
             }
-            (j + 1..N).for_each(|k| self.R[j][k] -= tau * sum[k]);
+            self.R[j].iter_mut().zip(&sum).for_each(|(own, sum)| *own -= tau * sum);
             self.R[j][j] = beta;
             self.q[j] -= tau * right;
             for (row, e) in a.iter_mut().zip(e.iter_mut()) {
                 let v = tau * row[j];
-                (j + 1..N).for_each(|k| row[k] -= v * sum[k]);
+                row.iter_mut().zip(&sum).for_each(|(entry, sum)| *entry -= v * sum);
                 *e -= v * right;
                 row[j] = 0.0;
             }
@@ -60,7 +61,7 @@ impl<const N: usize> Factor<N> {
             let (mut rows, mut right) = ([[0.0; N]; ROWS], [0.0; ROWS]);
             let count = ROWS.min(N - from);
             (0..count).for_each(|i| rows[i][from + i] = weight * lengths[from + i].root());
-            damped.fold(from, &mut rows[..count], &mut right[..count]);
+            damped.fold(&mut rows[..count], &mut right[..count]);
         }
         damped.solve()
     }

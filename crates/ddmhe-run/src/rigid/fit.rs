@@ -2,7 +2,7 @@
 
 use crate::rigid::factor::Factor;
 use crate::rigid::motion::Motion;
-use crate::rigid::pass::{Data, Pass};
+use crate::rigid::pass::{Compiled, Data, Pass, Units};
 use crate::rigid::posterior::Posterior;
 
 /// λ at the beginning, and its least.
@@ -20,11 +20,16 @@ const ENDED: (f64, f64) = (1e-2, 1e-3);
 /// valley in which damped steps are short.
 const DECREMENT: f64 = 1.0;
 
+/// Samples whose cost alone takes the time of one with derivatives.
+const LIGHT: usize = 4;
+
 /// What is next.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Phase {
     /// A pass at what is tried.
     Pass,
+    /// Its cost, before that.
+    Weighing,
     /// A step from the best so far.
     Step,
     /// The covariance.
@@ -78,12 +83,23 @@ impl<M: Motion<P, N> + Clone, const P: usize, const N: usize> Fit<M, P, N> {
     }
 
     /// As much work as a pass has with so many samples; whether the fit has ended.
-    pub fn advance(&mut self, data: &Data<'_, P>, samples: usize) -> bool {
+    pub fn advance(&mut self, data: &Data<'_, P>, samples: usize, units: &impl Units) -> bool {
+        let (most, tried, motion) = (self.best.cost, &mut self.tried, &self.motion);
         match self.phase {
             Phase::Pass => {
-                let most = self.best.cost;
-                if self.tried.advance(&self.motion, data, (self.end, samples), most) {
+                let part = (self.end, samples);
+                let ended = units.run(
+                    #[inline(always)]
+                    || tried.advance(motion, data, part, most),
+                );
+                if ended {
                     self.judge();
+                }
+            }
+            Phase::Weighing => {
+                let part = (self.end, samples.saturating_mul(LIGHT));
+                if tried.weigh(motion, data, part, most) {
+                    self.weighed();
                 }
             }
             Phase::Step => {
@@ -91,7 +107,7 @@ impl<M: Motion<P, N> + Clone, const P: usize, const N: usize> Fit<M, P, N> {
                 let mut z = self.best.z;
                 z.iter_mut().zip(d).for_each(|(z, d)| *z += d);
                 self.tried.begin(&self.motion, &z);
-                self.phase = Phase::Pass;
+                self.phase = Phase::Weighing;
             }
             Phase::Inverse => {
                 self.inverse = self.best.factor.inverse();
@@ -102,10 +118,26 @@ impl<M: Motion<P, N> + Clone, const P: usize, const N: usize> Fit<M, P, N> {
         matches!(self.phase, Phase::Found | Phase::Lost)
     }
 
+    /// The best so far.
+    pub fn best(&self) -> Option<(&M, &[f64; N])> {
+        (self.best.cost < f64::INFINITY).then_some((&self.motion, &self.best.z))
+    }
+
     /// All of it at once.
     pub fn finish(mut self, data: &Data<'_, P>) -> Option<Posterior<M, N>> {
-        while !self.advance(data, usize::MAX) {}
+        while !self.advance(data, usize::MAX, &Compiled) {}
         self.posterior()
+    }
+
+    /// A pass where the cost is less, another step where it is not.
+    fn weighed(&mut self) {
+        if self.tried.cost <= self.best.cost {
+            let z = self.tried.z;
+            self.tried.begin(&self.motion, &z);
+            self.phase = Phase::Pass;
+        } else {
+            self.judge();
+        }
     }
 
     /// Takes up what was tried, or not.

@@ -53,6 +53,7 @@ pub trait Motion<const P: usize, const N: usize> {
 }
 
 /// ω a sample later; None where it runs away.
+#[inline(always)]
 pub fn flow<const P: usize, const N: usize, M: Motion<P, N>>(
     motion: &M,
     parts: &M::Parts,

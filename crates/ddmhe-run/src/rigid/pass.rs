@@ -1,12 +1,14 @@
 //! One pass over the data: the cost of z, and the triangular factor of its whitened Jacobian.
 
 use crate::rigid::factor::Factor;
-use crate::rigid::motion::{MOVING, Motion, Slopes, flow_with_slopes};
+use crate::rigid::motion::{MOVING, Motion, Slopes, flow, flow_with_slopes};
 use crate::rigid::posterior::Misfit;
 use crate::rigid::small::Vector;
 
-/// Rows that are folded into the factor at once.
-const ROWS: usize = 12;
+/// Rows that are folded into the factor at once, at most.
+const ROWS: usize = 24;
+/// The most rows that a sample has: its recorded or later rate and six outputs, and one in hand.
+const OF_SAMPLE: usize = 12;
 /// Samples of a block whose mean residual is looked at.
 const BLOCK: usize = 10;
 
@@ -45,6 +47,23 @@ impl<const P: usize> Data<'_, P> {
     #[inline(always)]
     fn rate(&self, k: usize) -> Option<&Vector> {
         self.rates.get(k.wrapping_sub(self.y.len()))
+    }
+}
+
+/// How the work of a pass is done: with which of the machine's vector units. The numbers are the same.
+pub trait Units {
+    /// Does it.
+    fn run<R>(&self, work: impl FnOnce() -> R) -> R;
+}
+
+/// Those that the code is compiled for.
+#[derive(Debug, Clone, Copy)]
+pub struct Compiled;
+
+impl Units for Compiled {
+    #[inline(always)]
+    fn run<R>(&self, work: impl FnOnce() -> R) -> R {
+        work()
     }
 }
 
@@ -135,6 +154,7 @@ impl<const P: usize, const N: usize> Pass<P, N> {
 
     /// Up to so many samples further towards that of number `end`, whose output is not part of it;
     /// whether the pass has ended. It ends early where the cost exceeds `most`.
+    #[inline(always)]
     pub fn advance<M: Motion<P, N>>(
         &mut self,
         motion: &M,
@@ -147,8 +167,13 @@ impl<const P: usize, const N: usize> Pass<P, N> {
             if self.next < data.x.len() {
                 self.state(&data.x[self.next], &data.of_x);
             }
-            if self.next >= end {
-                self.flush();
+            let ended = self.next >= end;
+            if ended || self.filled + OF_SAMPLE > ROWS {
+                let (rows, right) = (&mut self.rows, &mut self.right);
+                self.factor.fold(&mut rows[..self.filled], &mut right[..self.filled]);
+                self.filled = 0;
+            }
+            if ended {
                 return true;
             }
             if let Some(x) = data.rate(self.next) {
@@ -170,7 +195,45 @@ impl<const P: usize, const N: usize> Pass<P, N> {
         false
     }
 
+    /// The same for the cost alone.
+    #[inline(always)]
+    pub fn weigh<M: Motion<P, N>>(
+        &mut self,
+        motion: &M,
+        data: &Data<'_, P>,
+        (end, samples): (usize, usize),
+        most: f64,
+    ) -> bool {
+        let parts = motion.parts(&self.z);
+        let square = |v: f64, by: f64| if v.is_finite() { (v / by) * (v / by) } else { 0.0 };
+        for _ in 0..samples {
+            let w = self.w;
+            if let Some(x) = data.x.get(self.next) {
+                self.cost += (0..3).map(|i| square(x[i] - w[i], data.of_x[i])).sum::<f64>();
+            }
+            if self.next >= end {
+                return true;
+            }
+            if let Some(x) = data.rate(self.next) {
+                self.cost += (0..3).map(|i| square(x[i] - w[i], data.of_rates[i])).sum::<f64>();
+            }
+            let ((y, noise), expected) = (data.output(self.next), motion.output(&parts, &w));
+            self.cost += (0..P).map(|i| square(y[i] - expected[i], noise[i])).sum::<f64>();
+            match flow(motion, &parts, w) {
+                Some(w) => self.w = w,
+                None => self.cost = f64::INFINITY,
+            }
+            if !(self.cost <= most) || self.cost == f64::INFINITY {
+                self.cost = f64::INFINITY;
+                return true;
+            }
+            self.next += 1;
+        }
+        false
+    }
+
     /// Rows of a recorded rate.
+    #[inline(always)]
     fn state(&mut self, x: &Vector, noise: &Vector) {
         let e = [0, 1, 2].map(|i| (x[i] - self.w[i]) / noise[i]);
         for i in 0..3 {
@@ -183,6 +246,7 @@ impl<const P: usize, const N: usize> Pass<P, N> {
     }
 
     /// Rows of a later rate.
+    #[inline(always)]
     fn rate(&mut self, x: &Vector, noise: &Vector) {
         for i in (0..3).filter(|&i| x[i].is_finite()) {
             let by = 1.0 / noise[i];
@@ -237,15 +301,6 @@ impl<const P: usize, const N: usize> Pass<P, N> {
     fn push(&mut self, row: &[f64; N], e: f64) {
         (self.rows[self.filled], self.right[self.filled]) = (*row, e);
         self.filled += 1;
-        if self.filled == ROWS {
-            self.flush();
-        }
-    }
-
-    fn flush(&mut self) {
-        let (rows, right) = (&mut self.rows[..self.filled], &mut self.right[..self.filled]);
-        self.factor.fold(0, rows, right);
-        self.filled = 0;
     }
 
     /// How the residuals of an ended pass compare with their noise.

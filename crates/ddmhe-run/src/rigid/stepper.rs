@@ -3,7 +3,7 @@
 use crate::rigid::anchoring::{Anchoring, Optima};
 use crate::rigid::filter::{Innovation, Limits};
 use crate::rigid::mixture::{Member, Mixture};
-use crate::rigid::pass::Data;
+use crate::rigid::pass::{Data, Units};
 use crate::rigid::small::Vector;
 
 /// After how many lengths of the recording all data are fitted anew; then each time that so many times
@@ -15,7 +15,7 @@ const SCHEDULE: ([f64; 7], f64, f64) = ([0.25, 0.35, 0.5, 0.7, 1.0, 1.4, 2.0], 1
 const HELD: (f64, f64) = (2.0, 0.5);
 /// The latest optimum of the leading motion is a start, too, up to so many of its lengths.
 const ALTERNATIVES: usize = 4;
-/// Samples of a fit that a step of [`Refit::Sliced`] takes in, with 1 to 6 outputs: some 30 µs on a
+/// Samples of a fit that a step of [`Refit::Sliced`] takes in, with 1 to 6 outputs: some 20 µs on a
 /// PC.
 const SLICE: [usize; 6] = [43, 29, 20, 14, 10, 7];
 /// Samples that such a step replays.
@@ -23,7 +23,10 @@ const REPLAYED: usize = 8;
 /// Lengths of the recording after which its first round of fits begins, and by what factor more time
 /// is to have passed at the next.
 const SLICED: (f64, f64) = (0.12, 3.0);
-/// One round in so many is thorough.
+/// A round begins anew, from where its fits have come to, when that share of its data has come in
+/// since: they are of too little then, and with more data they end sooner.
+const STALE: f64 = 0.5;
+/// So many of the first rounds of fits, and then each time twice as many, one is thorough.
 const THOROUGH: usize = 3;
 
 /// Number of the sample, of `outputs` recorded ones, at which fit `k` anew is due.
@@ -49,8 +52,8 @@ pub const fn slice(p: usize) -> usize {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Refit {
     /// One round after the other, a slice with each step: the filters go on meanwhile, and at the end
-    /// others go on from the fits, with what came since. One round in three is thorough: it also
-    /// tries the other prior on offsets. What hardly counts is not fitted.
+    /// others go on from the fits, with what came since. The third round, the sixth, the twelfth, …
+    /// are thorough: they also try the other prior on offsets. What hardly counts is not fitted.
     #[default]
     Sliced,
     /// When they are due, in the step that they are due in.
@@ -147,14 +150,14 @@ impl<const P: usize, const N: usize> Stepper<P, N> {
     }
 
     /// What is due beside the filters, and ω into its box. `data` ends with y(t-1).
-    pub fn anchor(&mut self, data: &Data<'_, P>, limits: Option<&Limits>) {
+    pub fn anchor(&mut self, data: &Data<'_, P>, limits: Option<&Limits>, units: &impl Units) {
         match self.refit {
             Some(Refit::Now) => {
                 if self.is_due(data) {
-                    self.fit_anew(data);
+                    self.fit_anew(data, units);
                 }
             }
-            Some(Refit::Sliced) => self.slice(data, limits),
+            Some(Refit::Sliced) => self.slice(data, limits, units),
             Some(Refit::Manual) | None => {}
         }
         let since = self.t.saturating_sub(self.begun);
@@ -176,10 +179,10 @@ impl<const P: usize, const N: usize> Stepper<P, N> {
 
     /// Fits all data anew, to the end, from the leading filter and from the latest optimum of each
     /// motion; whether a rigid body explains them. `data` ends with y(t-1).
-    pub fn fit_anew(&mut self, data: &Data<'_, P>) -> bool {
+    pub fn fit_anew(&mut self, data: &Data<'_, P>, units: &impl Units) -> bool {
         self.work = None;
         let Some(mut fits) = self.starts(data, true) else { return false };
-        while !fits.advance(data, usize::MAX) {}
+        while !fits.advance(data, usize::MAX, units) {}
         self.begun = self.t;
         let Some(mixture) = self.following(&fits, data.y.len()) else { return false };
         self.mixture = mixture;
@@ -218,12 +221,18 @@ impl<const P: usize, const N: usize> Stepper<P, N> {
     }
 
     /// One slice of what goes on beside the filters.
-    fn slice(&mut self, data: &Data<'_, P>, limits: Option<&Limits>) {
+    fn slice(&mut self, data: &Data<'_, P>, limits: Option<&Limits>, units: &impl Units) {
         match &mut self.work {
             None => self.begin(data),
             Some(Work::Fits(fits, calls)) => {
+                let end = data.y.len() + self.t;
+                if (end - fits.end()) as f64 > STALE * fits.end() as f64
+                    && let Some(newer) = fits.anew(end)
+                {
+                    (*fits, *calls, self.begun) = (newer, 0, self.t);
+                }
                 *calls += 1;
-                if fits.advance(data, slice(P))
+                if fits.advance(data, slice(P), units)
                     && let Some(Work::Fits(fits, _)) = self.work.take()
                 {
                     let next = fits.end() - data.y.len();
@@ -254,7 +263,8 @@ impl<const P: usize, const N: usize> Stepper<P, N> {
         if (self.t as f64) < next || self.t > last_fit(outputs) {
             return;
         }
-        let thorough = self.fits % THOROUGH == THOROUGH - 1;
+        let rounds = self.fits + 1;
+        let thorough = rounds.is_multiple_of(THOROUGH) && (rounds / THOROUGH).is_power_of_two();
         let fits = self.starts(data, thorough);
         self.work = fits.map(|fits| Work::Fits(fits, 0));
         (self.fits, self.begun) = (self.fits + 1, self.t);
