@@ -7,6 +7,7 @@
 mod affine;
 mod choice;
 mod config;
+mod ends;
 mod mhe;
 mod online;
 mod recording;

@@ -12,7 +12,7 @@ use serde::{Deserialize, Serialize};
 /// Most outputs.
 pub(crate) const OUTPUTS: usize = 6;
 /// Fewest outputs of a recording: ten blocks of ten, whose means say whether a fit explains it.
-const SAMPLES: usize = 100;
+pub(crate) const SAMPLES: usize = 100;
 
 /// When the motion is fitted anew to recording and all outputs since.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]

@@ -8,6 +8,7 @@ use crate::history::History;
 use crate::interrupt::Interrupt;
 use crate::mhe::DdMhe;
 use crate::rigid::config::RigidConfig;
+use crate::rigid::ends::foretells;
 use crate::rigid::online::{Online, blank, online};
 use crate::rigid::report::Report;
 #[cfg(feature = "serde")]
@@ -131,7 +132,10 @@ impl RigidBodyMhe {
         fallback: Option<DdMhe>,
     ) -> Result<Self, Error> {
         config.check(history)?;
-        let rigid = online(history, &config)?;
+        let mut rigid = online(history, &config)?;
+        if rigid.doubted() && !foretells(history, &config)? {
+            rigid.retire();
+        }
         let fallback = match fallback {
             Some(own)
                 if (own.n(), own.p()) != (history.n(), history.p()) || own.history().m() > 0 =>
@@ -313,6 +317,11 @@ impl RigidBodyMhe {
                 "it is nearer than an affine motion, and goes on with more noise than was recorded",
             )),
             (false, false) => words.push(why("the affine estimator stands in for it")),
+        }
+        if self.rigid.doubted() {
+            words.push(
+                "no estimate is trusted: no body explains all data, whatever their noise".into(),
+            );
         }
         if !self.rigid.is_rigid() {
             words.extend(self.fallback.warnings());

@@ -11,7 +11,7 @@ use crate::rigid::recording::Recording;
 use crate::rigid::report::Report;
 #[cfg(feature = "serde")]
 use crate::rigid::saved::Saved;
-use ddmhe_run::rigid::anchoring::Optima;
+use ddmhe_run::rigid::anchoring::{OPTIMA, Optima};
 use ddmhe_run::rigid::filter::DISAGREE;
 use ddmhe_run::rigid::layout::{INERTIA, TILT, unknowns};
 use ddmhe_run::rigid::pass::Units;
@@ -38,12 +38,16 @@ pub(crate) trait Online: Send + Sync {
     fn refit(&mut self) -> bool;
     /// Leaves the rest of the run to another estimator.
     fn give_up(&mut self);
+    /// Leaves every run to it.
+    fn retire(&mut self);
     /// Back to the recording's end.
     fn restart(&mut self);
     /// Whether there is a motion.
     fn is_rigid(&self) -> bool;
     /// Whether a rigid body explains the recording.
     fn explained(&self) -> bool;
+    /// Whether none explains the data of the latest fits, not even with as much noise as it leaves.
+    fn doubted(&self) -> bool;
     /// What is known of the body; None where no fit came to an end.
     fn report(&self) -> Option<Report>;
     /// What changes from step to step.
@@ -103,6 +107,8 @@ impl Online for NoBody {
 
     fn give_up(&mut self) {}
 
+    fn retire(&mut self) {}
+
     fn restart(&mut self) {}
 
     fn is_rigid(&self) -> bool {
@@ -110,6 +116,10 @@ impl Online for NoBody {
     }
 
     fn explained(&self) -> bool {
+        false
+    }
+
+    fn doubted(&self) -> bool {
         false
     }
 
@@ -275,8 +285,8 @@ impl<const P: usize, const N: usize> Run<P, N> {
 
     /// What the step found.
     fn tell(&self, said: &Innovation<P>, (w, covariance): (Vector, Matrix), to: &mut Estimate) {
-        let (leading, ground) = (self.stepper.as_ref().and_then(Stepper::leading), &self.ground);
-        let Some(filter) = leading.map(|leading| &leading.filter) else { return };
+        let (Some(stepper), ground) = (&self.stepper, &self.ground) else { return };
+        let Some(filter) = stepper.leading().map(|leading| &leading.filter) else { return };
         to.x.copy_from_slice(&w);
         to.window.copy_from_slice(&w);
         to.status = if filter.adapts() { Status::Adapting } else { Status::Structured };
@@ -287,7 +297,7 @@ impl<const P: usize, const N: usize> Run<P, N> {
         let uncertain = (0..3).any(|i| covariance[i][i].sqrt() > ground.half[i]);
         let outside = (0..3).any(|i| w[i] < ground.range[i][0] || w[i] > ground.range[i][1]);
         let reasons = [
-            (Reasons::NOVEL, filter.adapts()),
+            (Reasons::NOVEL, filter.adapts() || stepper.unexplained),
             (Reasons::UNCERTAIN, uncertain),
             (Reasons::OUTSIDE, outside),
         ];
@@ -364,6 +374,13 @@ impl<const P: usize, const N: usize> Online for Run<P, N> {
         self.stepper = None;
     }
 
+    fn retire(&mut self) {
+        self.stepper = None;
+        if let Some(ground) = Arc::get_mut(&mut self.ground) {
+            ground.choice.optima = [const { None }; OPTIMA];
+        }
+    }
+
     fn restart(&mut self) {
         self.stepper = self.ground.start();
         self.later.clear();
@@ -376,6 +393,10 @@ impl<const P: usize, const N: usize> Online for Run<P, N> {
 
     fn explained(&self) -> bool {
         self.ground.choice.explained
+    }
+
+    fn doubted(&self) -> bool {
+        self.stepper.as_ref().is_some_and(|stepper| stepper.unexplained)
     }
 
     fn report(&self) -> Option<Report> {

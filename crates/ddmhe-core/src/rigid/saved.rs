@@ -19,6 +19,7 @@ pub(crate) struct Saved {
     rates: Vec<f64>,
     fits: usize,
     begun: usize,
+    unexplained: bool,
     work: SavedWork,
 }
 
@@ -60,6 +61,7 @@ impl Saved {
             rates: rates.as_flattened().to_vec(),
             fits: stepper.fits,
             begun: stepper.begun,
+            unexplained: stepper.unexplained,
             work,
         }
     }
@@ -94,6 +96,7 @@ impl Saved {
             return Err(wrong());
         }
         (stepper.t, stepper.fits, stepper.begun) = (self.t, self.fits, self.begun);
+        stepper.unexplained = self.unexplained;
         let mixture = read_mixture(&stepper, recording.steps(), &self.members);
         stepper.mixture = mixture.ok_or_else(wrong)?;
         let (mut outputs, mut seen) = (Vec::new(), Vec::new());

@@ -94,6 +94,8 @@ pub struct Stepper<const P: usize, const N: usize> {
     pub known: bool,
     /// Members at most.
     pub most: usize,
+    /// Whether no body explains the data of the latest fits.
+    pub unexplained: bool,
 }
 
 impl<const P: usize, const N: usize> Stepper<P, N> {
@@ -105,9 +107,11 @@ impl<const P: usize, const N: usize> Stepper<P, N> {
         refit: Option<Refit>,
         (size, known, most): (f64, bool, usize),
     ) -> Option<Self> {
+        let unexplained = !optima[0].as_ref()?.misfit.explained(known);
         let mixture = Mixture::new(optima, noise, most)?;
         let (t, fits, begun) = (0, 0, 0);
-        Some(Stepper { mixture, t, fits, begun, work: None, refit, size, known, most })
+        let work = None;
+        Some(Stepper { mixture, t, fits, begun, work, refit, size, known, most, unexplained })
     }
 
     /// The motion that is believed most.
@@ -210,6 +214,7 @@ impl<const P: usize, const N: usize> Stepper<P, N> {
     fn following(&mut self, fits: &Anchoring<P, N>, outputs: usize) -> Option<Mixture<P, N>> {
         let leading = self.leading()?.filter;
         let found = fits.optima().and_then(|found| Mixture::new(&found, &leading.noise, self.most));
+        self.unexplained = found.is_none();
         let Some(mut mixture) = found else {
             self.mixture.counted_mut().for_each(|(_, member)| member.filter.doubt());
             return None;

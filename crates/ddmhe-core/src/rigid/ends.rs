@@ -1,0 +1,48 @@
+//! Who foretells the ends of a recording that neither a rigid body nor an affine motion explains,
+//! whatever the noise.
+
+use crate::config::Config;
+use crate::error::Error;
+use crate::history::History;
+use crate::mhe::DdMhe;
+use crate::rigid::config::{Refits, RigidConfig, SAMPLES};
+use crate::rigid::online::{blank, online};
+
+/// Shares of a recording to whose beginnings a body that does not explain it is fitted.
+const BEGINNINGS: [f64; 2] = [0.5, 0.75];
+
+/// Whether a body that is fitted to the recording's beginnings is nearer to the recorded rates after
+/// each of them than an affine estimator: where neither explains the recording, that decides.
+pub(crate) fn foretells(history: &History, config: &RigidConfig) -> Result<bool, Error> {
+    let (x, y, p) = (history.x(0)?, history.y(0)?, history.p());
+    let (x_bounds, output_noise) = (config.x_bounds.clone(), config.output_noise.clone());
+    let of_affine = Config { x_bounds, output_noise, ..Config::default() };
+    let of_body = RigidConfig { refit: Refits::Manual, ..config.clone() };
+    let mut better = false;
+    for share in BEGINNINGS {
+        let first = (share * history.T() as f64) as usize;
+        if first < SAMPLES {
+            continue;
+        }
+        let (seen, outputs) = (&x[..3 * (first + 1)], &y[..p * first]);
+        let beginning = History::new(3, p, seen, outputs, history.dt())?;
+        let mut body = online(&beginning, &of_body)?;
+        let mut affine = DdMhe::new(&beginning, of_affine.clone())?;
+        let (mut estimate, mut errors) = (blank(p), (0.0, 0.0));
+        let off = |x: &[f64], truth: &[f64]| -> f64 {
+            x.iter().zip(truth).map(|(x, truth)| (x - truth) * (x - truth)).sum()
+        };
+        for (y, truth) in y[p * first..].chunks(p).zip(x[3 * (first + 1)..].chunks(3)) {
+            if !body.is_rigid() || !body.advance(y, None, &mut estimate) {
+                return Ok(false);
+            }
+            errors.0 += off(&estimate.x, truth);
+            errors.1 += off(&affine.step(y)?.x, truth);
+        }
+        if errors.0 > errors.1 {
+            return Ok(false);
+        }
+        better = true;
+    }
+    Ok(better)
+}
