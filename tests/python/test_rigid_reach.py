@@ -136,8 +136,8 @@ def test_what_neither_a_body_nor_an_affine_motion_explains_goes_to_who_foretells
 
 
 def test_no_estimate_of_a_body_that_does_not_explain_its_recording_is_trusted():
-    """The torque sensor lags by two seconds: a body still foretells the recording's ends better than
-    DdMhe, but leaves residuals that are no noise."""
+    """The torque sensor lags by two seconds: a body still foretells the recording's ends better
+    than DdMhe, but leaves residuals that are no noise."""
     model = ddmhe.models.detumbling(**{name: np.array(value) for name, value in LAGGED.items()})
     record = model.simulate(80.0, DT, integrator="accurate")
     y, keep = record.y.copy(), np.exp(-DT / 2.0)
