@@ -12,7 +12,7 @@ from ddmhe.report.page import markdown_table
 from reach import everywhere, judged, stated
 from reach_page import put
 
-SEEDS, LEVEL, ONLINE, SPAN = range(3000, 3010), 2, 300.0, 100
+SEEDS, LEVEL, ONLINE, SPAN = range(5000, 5010), 2, 300.0, 100
 """Seconds after the recording; seconds over which errors are taken."""
 FINE, LONGEST = 0.05, 50.0
 """Sample period and longest recording of all simulations, s."""
