@@ -1,7 +1,7 @@
 //! Settings of the rigid body's estimator, and the checks of every argument.
 
 use crate::check::check_finite;
-use crate::config::Bounds;
+use crate::config::{Bounds, Config};
 use crate::config_checks::check_box;
 use crate::error::Error;
 use crate::history::History;
@@ -63,6 +63,11 @@ impl Default for RigidConfig {
 }
 
 impl RigidConfig {
+    /// The settings of an affine estimator in this one's place, in a box.
+    pub(crate) fn of_affine(&self, x_bounds: Option<Bounds>) -> Config {
+        Config { x_bounds, output_noise: self.output_noise.clone(), ..Config::default() }
+    }
+
     /// Checks the settings and the recording that they are for.
     pub(crate) fn check(&self, history: &History) -> Result<(), Error> {
         let (n, p) = (history.n(), history.p());

@@ -1,7 +1,6 @@
 //! Who foretells the ends of a recording that neither a rigid body nor an affine motion explains,
 //! whatever the noise.
 
-use crate::config::Config;
 use crate::error::Error;
 use crate::history::History;
 use crate::mhe::DdMhe;
@@ -15,8 +14,7 @@ const BEGINNINGS: [f64; 2] = [0.5, 0.75];
 /// each of them than an affine estimator: where neither explains the recording, that decides.
 pub(crate) fn foretells(history: &History, config: &RigidConfig) -> Result<bool, Error> {
     let (x, y, p) = (history.x(0)?, history.y(0)?, history.p());
-    let (x_bounds, output_noise) = (config.x_bounds.clone(), config.output_noise.clone());
-    let of_affine = Config { x_bounds, output_noise, ..Config::default() };
+    let of_affine = config.of_affine(config.x_bounds.clone());
     let of_body = RigidConfig { refit: Refits::Manual, ..config.clone() };
     let mut better = false;
     for share in BEGINNINGS {
@@ -33,7 +31,7 @@ pub(crate) fn foretells(history: &History, config: &RigidConfig) -> Result<bool,
             x.iter().zip(truth).map(|(x, truth)| (x - truth) * (x - truth)).sum()
         };
         for (y, truth) in y[p * first..].chunks(p).zip(x[3 * (first + 1)..].chunks(3)) {
-            if !body.is_rigid() || !body.advance(y, None, &mut estimate) {
+            if !body.advance(y, None, &mut estimate) {
                 return Ok(false);
             }
             errors.0 += off(&estimate.x, truth);

@@ -1,6 +1,6 @@
 //! The estimator of a tumbling rigid body, beside [`DdMhe`].
 
-use crate::config::{Bounds, Config, Start};
+use crate::config::{Bounds, Start};
 use crate::config_checks::{check_measured, check_output};
 use crate::error::Error;
 use crate::estimate::{Estimate, Log};
@@ -149,8 +149,7 @@ impl RigidBodyMhe {
             None => {
                 let energy = |Limits { lo, hi }| Bounds { lo: lo.to_vec(), hi: hi.to_vec() };
                 let x_bounds = config.x_bounds.clone().or(rigid.limits().map(energy));
-                let output_noise = config.output_noise.clone();
-                DdMhe::new(history, Config { x_bounds, output_noise, ..Config::default() })?
+                DdMhe::new(history, config.of_affine(x_bounds))?
             }
         };
         let anywhere = matches!(fallback.config().begins(), Start::Auto | Start::Unknown);

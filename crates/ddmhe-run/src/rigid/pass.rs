@@ -7,7 +7,7 @@ use crate::rigid::small::Vector;
 
 /// Rows that are folded into the factor at once, at most.
 const ROWS: usize = 24;
-/// The most rows that a sample has: its recorded or later rate and six outputs, and one in hand.
+/// The most rows that a sample has: a recorded and a later rate, and six outputs.
 const OF_SAMPLE: usize = 12;
 /// Samples of a block whose mean residual is looked at.
 const BLOCK: usize = 10;
@@ -181,16 +181,10 @@ impl<const P: usize, const N: usize> Pass<P, N> {
             }
             self.output(motion, &parts, data.output(self.next));
             let mut F = [[0.0; MOVING]; 3];
-            match flow_with_slopes(motion, &parts, self.w, &mut F) {
-                Some(w) => self.w = w,
-                None => self.cost = f64::INFINITY,
-            }
-            if !(self.cost <= most) || self.cost == f64::INFINITY {
-                self.cost = f64::INFINITY;
+            if !self.goes_on(flow_with_slopes(motion, &parts, self.w, &mut F), most) {
                 return true;
             }
             self.carry(&F);
-            self.next += 1;
         }
         false
     }
@@ -219,17 +213,23 @@ impl<const P: usize, const N: usize> Pass<P, N> {
             }
             let ((y, noise), expected) = (data.output(self.next), motion.output(&parts, &w));
             self.cost += (0..P).map(|i| square(y[i] - expected[i], noise[i])).sum::<f64>();
-            match flow(motion, &parts, w) {
-                Some(w) => self.w = w,
-                None => self.cost = f64::INFINITY,
-            }
-            if !(self.cost <= most) || self.cost == f64::INFINITY {
-                self.cost = f64::INFINITY;
+            if !self.goes_on(flow(motion, &parts, w), most) {
                 return true;
             }
-            self.next += 1;
         }
         false
+    }
+
+    /// On to the next sample, where ω is w; false where that runs away or the cost exceeds `most`: it
+    /// is then infinite.
+    #[inline(always)]
+    fn goes_on(&mut self, w: Option<Vector>, most: f64) -> bool {
+        let Some(w) = w.filter(|_| self.cost <= most && self.cost < f64::INFINITY) else {
+            self.cost = f64::INFINITY;
+            return false;
+        };
+        (self.w, self.next) = (w, self.next + 1);
+        true
     }
 
     /// Rows of a recorded rate.
