@@ -1,6 +1,6 @@
 //! A tumbling rigid body: what is prepared on the ground for [`ddmhe_run::rigid`].
 //!
-//! `config` (settings) → `recording` (its noise, and where fits begin) → `choice` (which motion made
+//! `config` (settings) → `recording` (its noise, and where fits begin) → `choice` (of a `family`, which motion made
 //! it: a rigid body, one with cubic drag, or the `affine` one) → `online` (a run with p outputs) →
 //! `mhe` ([`RigidBodyMhe`]). `report` says what is known of the body, `saved` is a run as bytes.
 
@@ -8,6 +8,7 @@ mod affine;
 mod choice;
 mod config;
 mod ends;
+mod family;
 mod mhe;
 mod online;
 mod recording;

@@ -7,6 +7,7 @@ use crate::history::History;
 use crate::rigid::affine::affine_unknowns;
 use crate::rigid::choice::Choice;
 use crate::rigid::config::{Refits, RigidConfig, is_of_rates};
+use crate::rigid::family::Fitted;
 use crate::rigid::recording::Recording;
 use crate::rigid::report::Report;
 #[cfg(feature = "serde")]
@@ -61,9 +62,9 @@ pub(crate) trait Online: Send + Sync {
 }
 
 /// What the recording alone determines.
-struct Ground<const P: usize, const N: usize> {
+struct Ground<M, const P: usize, const N: usize> {
     recording: Recording<P>,
-    choice: Choice<P, N>,
+    choice: Choice<M, N>,
     noise: [f64; P],
     refit: Option<Refit>,
     most: usize,
@@ -76,9 +77,9 @@ struct Ground<const P: usize, const N: usize> {
 }
 
 #[derive(Clone)]
-struct Run<const P: usize, const N: usize> {
-    ground: Arc<Ground<P, N>>,
-    stepper: Option<Stepper<P, N>>,
+struct Run<M, const P: usize, const N: usize> {
+    ground: Arc<Ground<M, P, N>>,
+    stepper: Option<Stepper<M, P, N>>,
     later: Vec<[f64; P]>,
     /// Rates that were measured with them; empty as long as none was.
     rates: Vec<[f64; 3]>,
@@ -151,7 +152,7 @@ pub(crate) fn online(history: &History, config: &RigidConfig) -> Result<Box<dyn 
         history: &History,
         config: &RigidConfig,
     ) -> Result<Box<dyn Online>, Error> {
-        Ok(Box::new(Run::<P, N>::new::<NA>(history, config)?))
+        Ok(Box::new(Run::<Body<P, N>, P, N>::new::<NA>(history, config)?))
     }
     if !is_of_rates(history) {
         return Ok(Box::new(NoBody));
@@ -177,10 +178,10 @@ impl Units for Wide {
     }
 }
 
-impl<const P: usize, const N: usize> Ground<P, N> {
+impl<M: Fitted<P, N>, const P: usize, const N: usize> Ground<M, P, N> {
     fn new<const NA: usize>(history: &History, config: &RigidConfig) -> Result<Self, Error> {
         let recording = Recording::<P>::new(history, config)?;
-        let choice = Choice::of::<NA>(&recording);
+        let choice = Choice::of::<P, NA>(&recording, M::EVERYWHERE);
         let mut noise = recording.of_later;
         for (own, recorded) in noise.iter_mut().zip(&recording.of_y) {
             *own = own.max(if choice.explained { 0.0 } else { recorded * choice.inflation });
@@ -206,14 +207,14 @@ impl<const P: usize, const N: usize> Ground<P, N> {
         Ok(Ground { recording, choice, noise, refit, most, limits, half, range, units })
     }
 
-    fn start(&self) -> Option<Stepper<P, N>> {
+    fn start(&self) -> Option<Stepper<M, P, N>> {
         let settings = (self.recording.size, self.recording.known, self.most);
         Stepper::new(&self.choice.optima, &self.noise, self.refit, settings)
     }
 
     /// The recording and what came since.
-    fn data<'a>(&'a self, later: &'a [[f64; P]], rates: &'a [[f64; 3]]) -> Data<'a, P> {
-        Data { later, rates, of_later: self.noise, ..self.recording.data(0.0) }
+    fn data<'a>(&'a self, later: &'a [[f64; P]], rates: &'a [[f64; 3]]) -> Data<'a, P, M::Known> {
+        Data { later, rates, of_later: self.noise, ..self.recording.data(M::EVERYWHERE, 0.0) }
     }
 
     /// How many later outputs are kept.
@@ -226,8 +227,8 @@ impl<const P: usize, const N: usize> Ground<P, N> {
 
 /// By what factor a braked body may turn faster than it has turned: √(largest / smallest moment of
 /// inertia), with three deviations on either, of the optimum that allows most. Energy is not gained.
-fn fastest<const P: usize, const N: usize>(optima: &Optima<P, N>) -> f64 {
-    let of = |found: &Posterior<Body<P, N>, N>| {
+fn fastest<M, const N: usize>(optima: &Optima<M, N>) -> f64 {
+    let of = |found: &Posterior<M, N>| {
         let J = inertia(&found.z[INERTIA..TILT]);
         let spread: f64 = (INERTIA..TILT).map(|i| found.P[i][i]).sum::<f64>().sqrt();
         let moments = Mat::from_fn(3, 3, |i, k| J[i][k]).self_adjoint_eigenvalues(Side::Lower);
@@ -255,7 +256,7 @@ fn spread(x: &[[f64; 3]]) -> ([f64; 3], [[f64; 2]; 3]) {
     (half, range)
 }
 
-impl<const P: usize, const N: usize> Run<P, N> {
+impl<M: Fitted<P, N>, const P: usize, const N: usize> Run<M, P, N> {
     fn new<const NA: usize>(history: &History, config: &RigidConfig) -> Result<Self, Error> {
         let ground = Ground::new::<NA>(history, config)?;
         let stepper = ground.start();
@@ -329,7 +330,7 @@ pub(crate) fn blank(p: usize) -> Estimate {
     }
 }
 
-impl<const P: usize, const N: usize> Online for Run<P, N> {
+impl<M: Fitted<P, N>, const P: usize, const N: usize> Online for Run<M, P, N> {
     fn advance(&mut self, y: &[f64], rates: Option<&[f64]>, estimate: &mut Estimate) -> bool {
         let Some(stepper) = &mut self.stepper else { return false };
         let mut sample = [0.0; P];
@@ -338,7 +339,7 @@ impl<const P: usize, const N: usize> Online for Run<P, N> {
         let noise = self.ground.recording.of_rates;
         let (said, foretold) = self.ground.units.run(
             #[inline(always)]
-            || stepper.advance(&mut sample, rates.as_mut().map(|x| (x, &noise))),
+            || stepper.advance(&mut sample, &M::EVERYWHERE[0], rates.as_mut().map(|x| (x, &noise))),
         );
         if foretold {
             self.keep(sample, rates);

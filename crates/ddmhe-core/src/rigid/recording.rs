@@ -105,13 +105,15 @@ impl<const P: usize> Recording<P> {
         })
     }
 
-    /// The recording alone, its noise at least so many times its signals.
-    pub fn data(&self, blurred: f64) -> Data<'_, P> {
+    /// The recording alone with what is known of its samples, its noise at least so many times its
+    /// signals.
+    pub fn data<'a, K>(&'a self, known: &'a [K], blurred: f64) -> Data<'a, P, K> {
         Data {
             x: &self.x,
             y: &self.y,
             later: &[],
             rates: &[],
+            known,
             of_x: self.of_x.map(|v| v.max(blurred * self.W)),
             of_y: self.of_y.map(|v| v.max(blurred * self.size)),
             of_later: self.of_later,

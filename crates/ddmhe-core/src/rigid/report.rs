@@ -1,8 +1,9 @@
 //! What the estimator says of the body.
 
 use ddmhe_run::rigid::layout::{INERTIA, TILT};
+use ddmhe_run::rigid::motion::Family;
 use ddmhe_run::rigid::small::{along_basis, inertia};
-use ddmhe_run::rigid::{Body, Mixture, Posterior};
+use ddmhe_run::rigid::{Mixture, Posterior};
 
 /// One optimum of the fit.
 #[derive(Debug, Clone, PartialEq)]
@@ -43,8 +44,8 @@ pub struct Report {
 
 impl Report {
     /// Of a run.
-    pub(crate) fn of_run<const P: usize, const N: usize>(
-        mixture: &Mixture<P, N>,
+    pub(crate) fn of_run<M: Family<P, N>, const P: usize, const N: usize>(
+        mixture: &Mixture<M, P, N>,
         known: bool,
     ) -> Option<Self> {
         let leading = mixture.at(mixture.leading())?;
@@ -57,21 +58,19 @@ impl Report {
     }
 
     /// Of a fit that nothing goes on from.
-    pub(crate) fn of_fit<const P: usize, const N: usize>(
-        best: &Posterior<Body<P, N>, N>,
+    pub(crate) fn of_fit<M: Family<P, N>, const P: usize, const N: usize>(
+        best: &Posterior<M, N>,
         known: bool,
     ) -> Self {
         Report::of(best, (&best.z, &best.P), known)
     }
 
     /// Of a fit, with z and P as of now.
-    fn of<const P: usize, const N: usize>(
-        best: &Posterior<Body<P, N>, N>,
+    fn of<M: Family<P, N>, const P: usize, const N: usize>(
+        best: &Posterior<M, N>,
         (z, covariance): (&[f64; N], &[[f64; N]; N]),
         known: bool,
     ) -> Self {
-        let b = best.motion.unseen(z);
-        let length = b.iter().map(|v| v * v).sum::<f64>().sqrt();
         let mut report = Report {
             chi: best.misfit.chi,
             limits: best.misfit.limits(known),
@@ -79,10 +78,10 @@ impl Report {
             optima: Vec::new(),
             inertia: inertia(&z[INERTIA..TILT]),
             inertia_std: inertia_std(covariance),
-            unseen: b.map(|v| v / length),
+            unseen: best.motion.unseen(z).unwrap_or([f64::NAN; 3]),
             words: Vec::new(),
         };
-        report.words = report.sentences(best.misfit.explained(known), best.motion.cubic);
+        report.words = report.sentences(best.misfit.explained(known), best.motion.is_cubic());
         report
     }
 
@@ -116,15 +115,15 @@ impl Report {
     }
 }
 
-fn optimum<const P: usize, const N: usize>(
-    f: &Posterior<Body<P, N>, N>,
+fn optimum<M: Family<P, N>, const P: usize, const N: usize>(
+    f: &Posterior<M, N>,
     probability: f64,
 ) -> Optimum {
     Optimum {
         cost: f.cost,
         evidence: f.evidence,
         inertia: inertia(&f.z[INERTIA..TILT]),
-        cubic: f.motion.cubic,
+        cubic: f.motion.is_cubic(),
         probability,
     }
 }

@@ -3,10 +3,10 @@
 use crate::error::Error;
 use crate::rigid::recording::Recording;
 use ddmhe_run::rigid::anchoring::OPTIMA;
-use ddmhe_run::rigid::motion::Steps;
+use ddmhe_run::rigid::motion::{Family, Steps};
 use ddmhe_run::rigid::pass::Units;
 use ddmhe_run::rigid::stepper::{Work, slice};
-use ddmhe_run::rigid::{Anchoring, Body, Data, Member, Misfit, Mixture, Posterior, Stepper};
+use ddmhe_run::rigid::{Anchoring, Data, Member, Misfit, Mixture, Posterior, Stepper};
 use serde::{Deserialize, Serialize};
 
 /// What changes from step to step.
@@ -37,8 +37,8 @@ enum SavedWork {
 }
 
 impl Saved {
-    pub fn of<const P: usize, const N: usize>(
-        stepper: Option<&Stepper<P, N>>,
+    pub fn of<M: Family<P, N>, const P: usize, const N: usize>(
+        stepper: Option<&Stepper<M, P, N>>,
         later: &[[f64; P]],
         rates: &[[f64; 3]],
     ) -> Self {
@@ -72,12 +72,12 @@ impl Saved {
     /// # Errors
     /// [`Error::Value`] for content that no run has.
     #[allow(clippy::type_complexity)]
-    pub fn resumed<const P: usize, const N: usize>(
+    pub fn resumed<M: Family<P, N>, const P: usize, const N: usize>(
         &self,
-        new: Option<Stepper<P, N>>,
+        new: Option<Stepper<M, P, N>>,
         recording: &Recording<P>,
         room: usize,
-    ) -> Result<(Option<Stepper<P, N>>, Vec<[f64; P]>, Vec<[f64; 3]>), Error> {
+    ) -> Result<(Option<Stepper<M, P, N>>, Vec<[f64; P]>, Vec<[f64; 3]>), Error> {
         if self.members.is_empty() {
             return Ok((None, Vec::new(), Vec::new()));
         }
@@ -111,11 +111,11 @@ impl Saved {
     ///
     /// # Errors
     /// [`Error::Value`] for content that no run has.
-    pub fn resume_work<const P: usize, const N: usize>(
+    pub fn resume_work<M: Family<P, N>, const P: usize, const N: usize>(
         &self,
-        stepper: &mut Stepper<P, N>,
+        stepper: &mut Stepper<M, P, N>,
         recording: &Recording<P>,
-        (data, units): (&Data<'_, P>, &impl Units),
+        (data, units): (&Data<'_, P, M::Known>, &impl Units),
     ) -> Result<(), Error> {
         let steps = recording.steps();
         stepper.work = match &self.work {
@@ -156,29 +156,31 @@ fn wrong() -> Error {
     Error::value("blob", "an estimator of a rigid body", "numbers of none")
 }
 
-fn read_mixture<const P: usize, const N: usize>(
-    stepper: &Stepper<P, N>,
+fn read_mixture<M: Family<P, N>, const P: usize, const N: usize>(
+    stepper: &Stepper<M, P, N>,
     steps: Steps,
     members: &[Vec<f64>],
-) -> Option<Mixture<P, N>> {
+) -> Option<Mixture<M, P, N>> {
     (1..=OPTIMA).contains(&members.len()).then_some(())?;
     let read = members.iter().map(|numbers| read_member(stepper, steps, numbers));
     Mixture::of(read.collect::<Option<Vec<_>>>()?.into_iter())
 }
 
 /// A fit; then z and P by rows, score, shares of wild samples and, if any, nominal z of its filter.
-fn of_member<const P: usize, const N: usize>(member: &Member<P, N>) -> Vec<f64> {
+fn of_member<M: Family<P, N>, const P: usize, const N: usize>(
+    member: &Member<M, P, N>,
+) -> Vec<f64> {
     let filter = &member.filter;
     let rest = [filter.score, filter.wild, filter.wild_rates];
     let nominal = filter.nominal.as_ref().map_or(&[][..], |at| &at[..]);
     [&numbers(&member.found)[..], &filter.z, filter.P.as_flattened(), &rest, nominal].concat()
 }
 
-fn read_member<const P: usize, const N: usize>(
-    stepper: &Stepper<P, N>,
+fn read_member<M: Family<P, N>, const P: usize, const N: usize>(
+    stepper: &Stepper<M, P, N>,
     steps: Steps,
     numbers: &[f64],
-) -> Option<Member<P, N>> {
+) -> Option<Member<M, P, N>> {
     let leading = stepper.leading()?;
     let mut from = Reader(numbers);
     let found = posterior(&leading.found.motion, steps, &mut from)?;
@@ -212,39 +214,38 @@ impl Reader<'_> {
     }
 }
 
-fn of_body<const P: usize, const N: usize>(body: &Body<P, N>) -> Vec<f64> {
+fn of_body<M: Family<P, N>, const P: usize, const N: usize>(motion: &M) -> Vec<f64> {
     let flag = |there: bool| f64::from(u8::from(there));
-    let flags = [flag(body.cubic), flag(body.steps.substeps == 0)];
-    [&body.b0[..], body.N0.as_flattened(), &flags, &body.spread].concat()
+    let flags = [flag(motion.is_cubic()), flag(motion.is_simulated())];
+    [&motion.frame()[..], &flags, motion.spread()].concat()
 }
 
-fn read_body<const P: usize, const N: usize>(
-    base: &Body<P, N>,
+fn read_body<M: Family<P, N>, const P: usize, const N: usize>(
+    base: &M,
     steps: Steps,
     from: &mut Reader<'_>,
-) -> Option<Body<P, N>> {
-    let mut body = *base;
-    body.b0 = from.take()?;
-    from.fill(body.N0.as_flattened_mut())?;
+) -> Option<M> {
+    let mut motion = base.in_frame(&from.take()?);
     let [cubic, euler] = from.take()?;
-    body.cubic = cubic != 0.0;
-    body.steps = Steps { substeps: if euler != 0.0 { 0 } else { steps.substeps }, ..steps };
-    body.spread = from.take()?;
-    Some(body)
+    motion = motion.with_cubic(cubic != 0.0);
+    *motion.steps_mut() =
+        Steps { substeps: if euler != 0.0 { 0 } else { steps.substeps }, ..steps };
+    *motion.spread_mut() = from.take()?;
+    Some(motion)
 }
 
-fn numbers<const P: usize, const N: usize>(of: &Posterior<Body<P, N>, N>) -> Vec<f64> {
+fn numbers<M: Family<P, N>, const P: usize, const N: usize>(of: &Posterior<M, N>) -> Vec<f64> {
     let Posterior { motion, z, w, P: covariance, cost, evidence, misfit } = of;
     let size = [*cost, *evidence];
     let rest = [&z[..], w, covariance.as_flattened(), &size, &misfit.chi, &misfit.terms];
     [of_body(motion), rest.concat()].concat()
 }
 
-fn posterior<const P: usize, const N: usize>(
-    base: &Body<P, N>,
+fn posterior<M: Family<P, N>, const P: usize, const N: usize>(
+    base: &M,
     steps: Steps,
     from: &mut Reader<'_>,
-) -> Option<Posterior<Body<P, N>, N>> {
+) -> Option<Posterior<M, N>> {
     let motion = read_body(base, steps, from)?;
     let (z, w) = (from.take()?, from.take()?);
     let mut covariance = [[0.0; N]; N];

@@ -1,9 +1,7 @@
 //! The motion fitted anew to recording and all outputs since, from several starts, in slices.
 
-use crate::rigid::body::Body;
 use crate::rigid::fit::Fit;
-use crate::rigid::layout::offset;
-use crate::rigid::motion::Motion;
+use crate::rigid::motion::Family;
 use crate::rigid::pass::{Data, Units};
 use crate::rigid::posterior::{EULER, Posterior};
 
@@ -17,7 +15,7 @@ const KEPT: f64 = 30.0;
 pub const OFFSET: f64 = 0.1;
 
 /// Optima, the best first.
-pub type Optima<const P: usize, const N: usize> = [Option<Posterior<Body<P, N>, N>>; OPTIMA];
+pub type Optima<M, const N: usize> = [Option<Posterior<M, N>>; OPTIMA];
 
 /// What is being fitted.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -34,10 +32,10 @@ enum Stage {
 
 /// Fits as far as they have come.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Anchoring<const P: usize, const N: usize> {
-    starts: [Option<(Body<P, N>, [f64; N])>; OPTIMA + 1],
-    found: [Option<Posterior<Body<P, N>, N>>; OPTIMA + 1],
-    fit: Fit<Body<P, N>, P, N>,
+pub struct Anchoring<M, const P: usize, const N: usize> {
+    starts: [Option<(M, [f64; N])>; OPTIMA + 1],
+    found: [Option<Posterior<M, N>>; OPTIMA + 1],
+    fit: Fit<M, P, N>,
     stage: Stage,
     /// Root-mean-square size of the recorded outputs.
     size: f64,
@@ -47,10 +45,10 @@ pub struct Anchoring<const P: usize, const N: usize> {
     settles: bool,
 }
 
-impl<const P: usize, const N: usize> Anchoring<P, N> {
+impl<M: Family<P, N>, const P: usize, const N: usize> Anchoring<M, P, N> {
     /// Of the outputs before number `end`, from up to five starts.
     pub fn new(
-        starts: impl Iterator<Item = (Body<P, N>, [f64; N])>,
+        starts: impl Iterator<Item = (M, [f64; N])>,
         end: usize,
         (size, known, settles): (f64, bool, bool),
     ) -> Option<Self> {
@@ -69,7 +67,7 @@ impl<const P: usize, const N: usize> Anchoring<P, N> {
     }
 
     /// Where the fits begin.
-    pub fn starts(&self) -> impl Iterator<Item = &(Body<P, N>, [f64; N])> {
+    pub fn starts(&self) -> impl Iterator<Item = &(M, [f64; N])> {
         self.starts.iter().flatten()
     }
 
@@ -94,7 +92,12 @@ impl<const P: usize, const N: usize> Anchoring<P, N> {
     }
 
     /// As much work as a pass has with so many samples; whether all fits have ended.
-    pub fn advance(&mut self, data: &Data<'_, P>, samples: usize, units: &impl Units) -> bool {
+    pub fn advance(
+        &mut self,
+        data: &Data<'_, P, M::Known>,
+        samples: usize,
+        units: &impl Units,
+    ) -> bool {
         if self.stage != Stage::Ended && self.fit.advance(data, samples, units) {
             self.take(data);
         }
@@ -102,7 +105,7 @@ impl<const P: usize, const N: usize> Anchoring<P, N> {
     }
 
     /// The optima, if the best of them explains all data.
-    pub fn optima(&self) -> Option<Optima<P, N>> {
+    pub fn optima(&self) -> Option<Optima<M, N>> {
         let best = self.found[0].as_ref().filter(|best| best.misfit.explained(self.known))?;
         let mut kept = [const { None }; OPTIMA];
         let near = self.found.iter().flatten().filter(|f| f.cost < best.cost + KEPT);
@@ -111,7 +114,7 @@ impl<const P: usize, const N: usize> Anchoring<P, N> {
     }
 
     /// Takes up an ended fit, and begins the next.
-    fn take(&mut self, data: &Data<'_, P>) {
+    fn take(&mut self, data: &Data<'_, P, M::Known>) {
         let found = self.fit.posterior();
         match self.stage {
             Stage::Starts(i) => {
@@ -142,7 +145,7 @@ impl<const P: usize, const N: usize> Anchoring<P, N> {
     }
 
     /// Keeps an optimum that is not there yet.
-    fn keep(&mut self, found: Option<Posterior<Body<P, N>, N>>) {
+    fn keep(&mut self, found: Option<Posterior<M, N>>) {
         let Some(found) = found else { return };
         if !self.found.iter().flatten().any(|other| other.is(&found))
             && let Some(room) = self.found.iter_mut().find(|f| f.is_none())
@@ -152,10 +155,10 @@ impl<const P: usize, const N: usize> Anchoring<P, N> {
     }
 
     /// Another model where the best does not explain the data.
-    fn judge(&mut self, data: &Data<'_, P>) {
+    fn judge(&mut self, data: &Data<'_, P, M::Known>) {
         match &self.found[0] {
-            Some(best) if !best.misfit.explained(self.known) && !best.motion.cubic => {
-                let body = Body { cubic: true, ..best.motion };
+            Some(best) if !best.misfit.explained(self.known) && !best.motion.is_cubic() => {
+                let body = best.motion.with_cubic(true);
                 (self.stage, self.fit) = (Stage::Cubic, self.of(&body, &best.z.clone()));
             }
             _ => self.settle(data),
@@ -163,7 +166,7 @@ impl<const P: usize, const N: usize> Anchoring<P, N> {
     }
 
     /// The other prior on offsets.
-    fn settle(&mut self, data: &Data<'_, P>) {
+    fn settle(&mut self, data: &Data<'_, P, M::Known>) {
         match &self.found[0] {
             Some(best) if self.settles && best.misfit.explained(self.known) => {
                 let (body, z) = other_offset(best, &data.of_later, OFFSET * self.size);
@@ -173,31 +176,31 @@ impl<const P: usize, const N: usize> Anchoring<P, N> {
         }
     }
 
-    fn of(&self, body: &Body<P, N>, z: &[f64; N]) -> Fit<Body<P, N>, P, N> {
+    fn of(&self, body: &M, z: &[f64; N]) -> Fit<M, P, N> {
         Fit::new(body, z, self.fit.end(), STEPS)
     }
 }
 
 /// -2 log of the probability at the optimum, but for what all have; nothing comes last.
-fn rank<const P: usize, const N: usize>(found: &Option<Posterior<Body<P, N>, N>>) -> f64 {
+fn rank<M: Family<P, N>, const P: usize, const N: usize>(found: &Option<Posterior<M, N>>) -> f64 {
     let Some(f) = found else { return f64::INFINITY };
-    let priors: f64 = f.motion.spread[3..].iter().map(|sd| libm::log(*sd)).sum();
-    let euler = if f.motion.steps().substeps == 0 { EULER } else { 0.0 };
+    let priors: f64 = f.motion.spread()[3..].iter().map(|sd| libm::log(*sd)).sum();
+    let euler = if f.motion.is_simulated() { EULER } else { 0.0 };
     f.cost + 2.0 * priors + euler
 }
 
 /// A body and where to begin its fit, with the other prior on offsets: free to `wide`, or none.
-pub fn other_offset<const P: usize, const N: usize>(
-    found: &Posterior<Body<P, N>, N>,
+pub fn other_offset<M: Family<P, N>, const P: usize, const N: usize>(
+    found: &Posterior<M, N>,
     noise: &[f64; P],
     wide: f64,
-) -> (Body<P, N>, [f64; N]) {
+) -> (M, [f64; N]) {
     let (mut body, mut z) = (found.motion, found.z);
     let free = body.has_offset(noise);
     for i in 0..P {
-        body.spread[offset(P) + i] = if free { OFFSET * noise[i] } else { wide };
+        body.spread_mut()[M::OFFSETS + i] = if free { OFFSET * noise[i] } else { wide };
         if free {
-            z[offset(P) + i] = 0.0;
+            z[M::OFFSETS + i] = 0.0;
         }
     }
     (body, z)

@@ -2,8 +2,12 @@
 
 use crate::panels::Root;
 use crate::rigid::layout::{DRAG, DRAG_CUBIC, GAIN, INERTIA, TILT, offset, output_cubic, unknowns};
-use crate::rigid::motion::{MOVING, Motion, Row, SEEN, Slopes, Steps};
+use crate::rigid::motion::{Entry, Family, MOVING, Motion, Slopes, Steps};
 use crate::rigid::small::{Matrix, Vector, along_basis, cross, dot, inertia, inverse, times};
+use core::ops::Range;
+
+/// Unknowns that one output depends on.
+const SEEN: usize = 9;
 
 /// A body with P outputs and N = [`unknowns`]`(P)` unknowns, in coordinates about a first guess of
 /// its unseen direction.
@@ -41,13 +45,8 @@ pub struct BodyParts<const P: usize> {
 }
 
 impl<const P: usize, const N: usize> Body<P, N> {
-    /// Whether offsets of the outputs are free; else they are within a tenth of the noise.
-    pub fn has_offset(&self, noise: &[f64; P]) -> bool {
-        self.spread[offset(P)] > noise[0]
-    }
-
     /// b = b0 + N0 β.
-    pub fn unseen(&self, z: &[f64; N]) -> Vector {
+    fn along(&self, z: &[f64; N]) -> Vector {
         [0, 1, 2].map(|i| self.b0[i] + self.N0[i][0] * z[TILT] + self.N0[i][1] * z[TILT + 1])
     }
 
@@ -55,26 +54,6 @@ impl<const P: usize, const N: usize> Body<P, N> {
     #[inline(always)]
     fn seen_plane(&self, z: &[f64; N]) -> [[f64; 2]; 3] {
         [0, 1, 2].map(|i| [0, 1].map(|k| self.N0[i][k] - self.b0[i] * z[TILT + k]))
-    }
-
-    /// The same body about its own unseen direction, β = 0: with N = N0' U by QR, S and G become
-    /// U S Uᵀ and G Uᵀ. The prior on the direction is then flat on the sphere.
-    pub fn rebased(&self, z: &[f64; N]) -> (Self, [f64; N]) {
-        let (mut body, mut moved) = (*self, *z);
-        let b = self.unseen(z);
-        let length = dot(&b, &b).root();
-        body.b0 = b.map(|v| v / length);
-        let (plane, U) = orthonormal(&self.seen_plane(z));
-        body.N0 = plane;
-        let S = [[z[DRAG], z[DRAG + 1]], [z[DRAG + 1], z[DRAG + 2]]];
-        let US = product(&U, &S);
-        let entry = |i: usize, k: usize| US[i][0] * U[k][0] + US[i][1] * U[k][1];
-        moved[TILT..DRAG_CUBIC].copy_from_slice(&[0.0, 0.0, entry(0, 0), entry(0, 1), entry(1, 1)]);
-        for i in 0..P {
-            let G = [z[GAIN + 2 * i], z[GAIN + 2 * i + 1]];
-            (0..2).for_each(|k| moved[GAIN + 2 * i + k] = G[0] * U[k][0] + G[1] * U[k][1]);
-        }
-        (body, moved)
     }
 }
 
@@ -96,6 +75,14 @@ fn product(A: &[[f64; 2]; 2], B: &[[f64; 2]; 2]) -> [[f64; 2]; 2] {
 
 impl<const P: usize, const N: usize> Motion<P, N> for Body<P, N> {
     type Parts = BodyParts<P>;
+    type Known = ();
+    type Drive = ();
+    type Row = [Entry; SEEN];
+
+    const EVERYWHERE: &'static [()] = &[(); usize::MAX];
+
+    #[inline(always)]
+    fn between((): &(), (): &(), _: f64) {}
 
     fn steps(&self) -> Steps {
         self.steps
@@ -127,14 +114,14 @@ impl<const P: usize, const N: usize> Motion<P, N> for Body<P, N> {
 
     /// J ω̇ = g D ω - ω × J ω,  g = 1 + γ |ω|²/W²
     #[inline(always)]
-    fn rate(&self, c: &BodyParts<P>, w: &Vector) -> Vector {
+    fn rate(&self, c: &BodyParts<P>, (): &(), w: &Vector) -> Vector {
         let g = 1.0 + c.drag * dot(w, w);
         let (drag, gyro) = (times(&c.L, w), times(&c.Ji, &cross(w, &times(&c.J, w))));
         [0, 1, 2].map(|i| g * drag[i] - gyro[i])
     }
 
     #[inline(always)]
-    fn slope(&self, c: &BodyParts<P>, w: &Vector, slopes: &mut Slopes) -> Vector {
+    fn slope(&self, c: &BodyParts<P>, (): &(), w: &Vector, slopes: &mut Slopes) -> Vector {
         let (h, drag, n2) = (times(&c.J, w), times(&c.L, w), dot(w, w));
         let (g, gyro) = (1.0 + c.drag * n2, times(&c.Ji, &cross(w, &h)));
         let f = [0, 1, 2].map(|i| g * drag[i] - gyro[i]);
@@ -174,7 +161,7 @@ impl<const P: usize, const N: usize> Motion<P, N> for Body<P, N> {
 
     /// y = g G Nᵀ ω + r
     #[inline(always)]
-    fn output(&self, c: &BodyParts<P>, w: &Vector) -> [f64; P] {
+    fn output(&self, c: &BodyParts<P>, (): &(), w: &Vector) -> [f64; P] {
         let g = 1.0 + c.seen * dot(w, w);
         let mut y = c.r;
         y.iter_mut().zip(&c.C).for_each(|(y, row)| *y += g * dot(row, w));
@@ -182,7 +169,7 @@ impl<const P: usize, const N: usize> Motion<P, N> for Body<P, N> {
     }
 
     #[inline(always)]
-    fn rows(&self, c: &BodyParts<P>, w: &Vector) -> [Row; P] {
+    fn rows(&self, c: &BodyParts<P>, (): &(), w: &Vector) -> [[Entry; SEEN]; P] {
         let (n, n2) = (&c.N, dot(w, w));
         let g = 1.0 + c.seen * n2;
         let v = [0, 1].map(|k| n[0][k] * w[0] + n[1][k] * w[1] + n[2][k] * w[2]);
@@ -202,5 +189,70 @@ impl<const P: usize, const N: usize> Motion<P, N> for Body<P, N> {
             row[8] = (output_cubic(P), along * cubic);
         }
         rows
+    }
+}
+
+impl<const P: usize, const N: usize> Family<P, N> for Body<P, N> {
+    const OFFSETS: usize = offset(P);
+    const SIZED: &'static [Range<usize>] = &[DRAG..DRAG_CUBIC, GAIN..offset(P)];
+
+    fn steps_mut(&mut self) -> &mut Steps {
+        &mut self.steps
+    }
+
+    fn spread_mut(&mut self) -> &mut [f64; N] {
+        &mut self.spread
+    }
+
+    fn W(&self) -> f64 {
+        self.W
+    }
+
+    fn is_cubic(&self) -> bool {
+        self.cubic
+    }
+
+    fn with_cubic(&self, cubic: bool) -> Self {
+        Body { cubic, ..*self }
+    }
+
+    /// The same body about its own unseen direction, β = 0: with N = N0' U by QR, S and G become
+    /// U S Uᵀ and G Uᵀ. The prior on the direction is then flat on the sphere.
+    fn rebased(&self, z: &[f64; N]) -> (Self, [f64; N]) {
+        let (mut body, mut moved) = (*self, *z);
+        let b = self.along(z);
+        let length = dot(&b, &b).root();
+        body.b0 = b.map(|v| v / length);
+        let (plane, U) = orthonormal(&self.seen_plane(z));
+        body.N0 = plane;
+        let S = [[z[DRAG], z[DRAG + 1]], [z[DRAG + 1], z[DRAG + 2]]];
+        let US = product(&U, &S);
+        let entry = |i: usize, k: usize| US[i][0] * U[k][0] + US[i][1] * U[k][1];
+        moved[TILT..DRAG_CUBIC].copy_from_slice(&[0.0, 0.0, entry(0, 0), entry(0, 1), entry(1, 1)]);
+        for i in 0..P {
+            let G = [z[GAIN + 2 * i], z[GAIN + 2 * i + 1]];
+            (0..2).for_each(|k| moved[GAIN + 2 * i + k] = G[0] * U[k][0] + G[1] * U[k][1]);
+        }
+        (body, moved)
+    }
+
+    fn frame(&self) -> [f64; 9] {
+        let mut frame = [0.0; 9];
+        frame[..3].copy_from_slice(&self.b0);
+        frame[3..].copy_from_slice(self.N0.as_flattened());
+        frame
+    }
+
+    fn in_frame(&self, frame: &[f64; 9]) -> Self {
+        let mut body = *self;
+        body.b0.copy_from_slice(&frame[..3]);
+        body.N0.as_flattened_mut().copy_from_slice(&frame[3..]);
+        body
+    }
+
+    fn unseen(&self, z: &[f64; N]) -> Option<Vector> {
+        let b = self.along(z);
+        let length = dot(&b, &b).root();
+        Some(b.map(|v| v / length))
     }
 }

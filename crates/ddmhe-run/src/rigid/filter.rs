@@ -2,9 +2,7 @@
 //! linearisation, taken on to what was measured since; about its own estimate it is the extended one.
 
 use crate::panels::Root;
-use crate::rigid::body::Body;
-use crate::rigid::layout::{DRAG, DRAG_CUBIC, GAIN, offset};
-use crate::rigid::motion::{MOVING, Motion, Row, SEEN, flow_with_slopes};
+use crate::rigid::motion::{Entry, Family, MOVING, Motion, flow_with_slopes};
 use crate::rigid::posterior::Posterior;
 use crate::rigid::small::{Matrix, Vector};
 
@@ -78,17 +76,17 @@ pub struct Limits {
 
 impl<const P: usize, const N: usize> Filter<P, N> {
     /// From the end of a fit's data on.
-    pub fn new(found: &Posterior<Body<P, N>, N>, noise: &[f64; P]) -> Self {
-        let (body, mut z) = (&found.motion, found.z);
+    pub fn new<M: Family<P, N>>(found: &Posterior<M, N>, noise: &[f64; P]) -> Self {
+        let (motion, mut z) = (&found.motion, found.z);
         z[..3].copy_from_slice(&found.w);
-        let mut walk = body.spread;
-        walk[..3].fill(body.W);
+        let mut walk = *motion.spread();
+        walk[..3].fill(motion.W());
         let cap = walk.map(|v| v * v);
-        for part in [DRAG..DRAG_CUBIC, GAIN..offset(P)] {
+        for part in M::SIZED {
             let size = z[part.clone()].iter().map(|v| v * v).sum::<f64>() / part.len() as f64;
-            walk[part].fill(size.root());
+            walk[part.clone()].fill(size.root());
         }
-        walk[offset(P)..offset(P) + P].copy_from_slice(noise);
+        walk[M::OFFSETS..M::OFFSETS + P].copy_from_slice(noise);
         let (nominal, noise, score) = (None, *noise, 1.0);
         Filter { z, P: found.P, nominal, noise, walk, cap, score, wild: 0.0, wild_rates: 0.0 }
     }
@@ -126,12 +124,18 @@ impl<const P: usize, const N: usize> Filter<P, N> {
 
     /// Consumes y of the instant of ω: what it said. Wild entries of it become NaN.
     #[inline(always)]
-    pub fn update(&mut self, body: &Body<P, N>, y: &mut [f64; P]) -> Innovation<P> {
+    pub fn update<M: Motion<P, N>>(
+        &mut self,
+        motion: &M,
+        known: &M::Known,
+        y: &mut [f64; P],
+    ) -> Innovation<P> {
         let (at, off) = self.about();
-        let (parts, w) = (body.parts(&at), [at[0], at[1], at[2]]);
-        let (mut expected, rows) = (body.output(&parts, &w), body.rows(&parts, &w));
+        let (parts, w) = (motion.parts(&at), [at[0], at[1], at[2]]);
+        let mut expected = motion.output(&parts, known, &w);
+        let rows = motion.rows(&parts, known, &w);
         if let Some(off) = &off {
-            expected.iter_mut().zip(&rows).for_each(|(y, row)| *y += inner(row, off));
+            expected.iter_mut().zip(&rows).for_each(|(y, row)| *y += inner(row.as_ref(), off));
         }
         let (mut PH, mut said) = ([[0.0; N]; P], Innovation::NONE);
         let mut measured = false;
@@ -140,9 +144,9 @@ impl<const P: usize, const N: usize> Filter<P, N> {
                 continue;
             }
             measured = true;
-            PH[i] = self.along(&rows[i]);
+            PH[i] = self.along(rows[i].as_ref());
             said.value[i] = y[i] - expected[i];
-            said.variance[i] = inner(&rows[i], &PH[i]) + self.noise[i] * self.noise[i];
+            said.variance[i] = inner(rows[i].as_ref(), &PH[i]) + self.noise[i] * self.noise[i];
             said.gated[i] = said.value[i] * said.value[i] > GATE * said.variance[i];
         }
         if measured {
@@ -214,7 +218,7 @@ impl<const P: usize, const N: usize> Filter<P, N> {
 
     /// P h
     #[inline(always)]
-    fn along(&self, row: &Row) -> [f64; N] {
+    fn along(&self, row: &[Entry]) -> [f64; N] {
         let mut sum = [0.0; N];
         for (at, v) in row {
             sum.iter_mut().zip(&self.P[*at]).for_each(|(sum, own)| *sum += v * own);
@@ -224,7 +228,13 @@ impl<const P: usize, const N: usize> Filter<P, N> {
 
     /// The update by all entries that are left.
     #[inline(always)]
-    fn correct(&mut self, rows: &[Row; P], PH: &[[f64; N]; P], said: &Innovation<P>, y: &[f64; P]) {
+    fn correct<R: AsRef<[Entry]>>(
+        &mut self,
+        rows: &[R; P],
+        PH: &[[f64; N]; P],
+        said: &Innovation<P>,
+        y: &[f64; P],
+    ) {
         // V = L Lᵀ, u = L⁻¹ ν, K = L⁻¹ H P: z += Kᵀ u, P -= Kᵀ K
         let (mut L, mut u, mut K) = ([[0.0; P]; P], [0.0; P], [[0.0; N]; P]);
         let (mut count, mut squares) = (0.0, 0.0);
@@ -233,7 +243,7 @@ impl<const P: usize, const N: usize> Filter<P, N> {
             (u[a], K[a]) = (said.value[a], PH[a]);
             for b in (0..a).filter(|&b| y[b].is_finite()) {
                 let known: f64 = (0..b).map(|q| L[a][q] * L[b][q]).sum();
-                let l = (inner(&rows[a], &PH[b]) - known) / L[b][b];
+                let l = (inner(rows[a].as_ref(), &PH[b]) - known) / L[b][b];
                 L[a][b] = l;
                 u[a] -= l * u[b];
                 let (done, rest) = K.split_at_mut(a);
@@ -265,10 +275,10 @@ impl<const P: usize, const N: usize> Filter<P, N> {
 
     /// A sample ahead; false where the motion runs away.
     #[inline(always)]
-    pub fn predict(&mut self, body: &Body<P, N>) -> bool {
+    pub fn predict<M: Motion<P, N>>(&mut self, motion: &M, known: (&M::Known, &M::Known)) -> bool {
         let ((at, off), mut F) = (self.about(), [[0.0; MOVING]; 3]);
-        let parts = body.parts(&at);
-        let Some(mut w) = flow_with_slopes(body, &parts, [at[0], at[1], at[2]], &mut F) else {
+        let (parts, w) = (motion.parts(&at), [at[0], at[1], at[2]]);
+        let Some(mut w) = flow_with_slopes(motion, &parts, known, w, &mut F) else {
             self.z[0] = f64::NAN;
             return false;
         };
@@ -330,8 +340,8 @@ impl<const P: usize> Innovation<P> {
 
 /// hᵀ v
 #[inline(always)]
-fn inner<const N: usize>(row: &Row, v: &[f64; N]) -> f64 {
+fn inner<const N: usize>(row: &[Entry], v: &[f64; N]) -> f64 {
     let mut sum = 0.0;
-    (0..SEEN).for_each(|q| sum += row[q].1 * v[row[q].0]);
+    row.iter().for_each(|(at, entry)| sum += entry * v[*at]);
     sum
 }

@@ -83,7 +83,12 @@ impl<M: Motion<P, N> + Clone, const P: usize, const N: usize> Fit<M, P, N> {
     }
 
     /// As much work as a pass has with so many samples; whether the fit has ended.
-    pub fn advance(&mut self, data: &Data<'_, P>, samples: usize, units: &impl Units) -> bool {
+    pub fn advance(
+        &mut self,
+        data: &Data<'_, P, M::Known>,
+        samples: usize,
+        units: &impl Units,
+    ) -> bool {
         let (most, tried, motion) = (self.best.cost, &mut self.tried, &self.motion);
         match self.phase {
             Phase::Pass => {
@@ -124,7 +129,7 @@ impl<M: Motion<P, N> + Clone, const P: usize, const N: usize> Fit<M, P, N> {
     }
 
     /// All of it at once.
-    pub fn finish(mut self, data: &Data<'_, P>) -> Option<Posterior<M, N>> {
+    pub fn finish(mut self, data: &Data<'_, P, M::Known>) -> Option<Posterior<M, N>> {
         while !self.advance(data, usize::MAX, &Compiled) {}
         self.posterior()
     }

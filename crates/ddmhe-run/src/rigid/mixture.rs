@@ -2,8 +2,8 @@
 //! far they are apart.
 
 use crate::rigid::anchoring::{OPTIMA, Optima};
-use crate::rigid::body::Body;
 use crate::rigid::filter::{DISAGREE, Filter, Limits};
+use crate::rigid::motion::Family;
 use crate::rigid::pass::Data;
 use crate::rigid::posterior::Posterior;
 use crate::rigid::small::{Matrix, Vector};
@@ -13,9 +13,9 @@ const COUNTED: f64 = 1e-3;
 
 /// One of them.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Member<const P: usize, const N: usize> {
+pub struct Member<M, const P: usize, const N: usize> {
     /// Its latest fit.
-    pub found: Posterior<Body<P, N>, N>,
+    pub found: Posterior<M, N>,
     /// What goes on from there.
     pub filter: Filter<P, N>,
 }
@@ -23,22 +23,22 @@ pub struct Member<const P: usize, const N: usize> {
 /// All of them, the first is always there; and how probable each is as of its fit, 0 where that is
 /// next to nothing: it is then where a later fit may begin, and its filter rests.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Mixture<const P: usize, const N: usize> {
-    members: [Option<Member<P, N>>; OPTIMA],
+pub struct Mixture<M, const P: usize, const N: usize> {
+    members: [Option<Member<M, P, N>>; OPTIMA],
     probabilities: [f64; OPTIMA],
 }
 
-impl<const P: usize, const N: usize> Mixture<P, N> {
+impl<M: Family<P, N>, const P: usize, const N: usize> Mixture<M, P, N> {
     /// From the end of a fit's data on, of at most so many optima; None without one. Those that are
     /// the same count once, and those of Euler's rule only where the best is: it is a way to
     /// simulate, not a body.
-    pub fn new(optima: &Optima<P, N>, noise: &[f64; P], most: usize) -> Option<Self> {
-        let euler = |found: &Posterior<Body<P, N>, N>| found.motion.steps.substeps == 0;
+    pub fn new(optima: &Optima<M, N>, noise: &[f64; P], most: usize) -> Option<Self> {
+        let euler = |found: &Posterior<M, N>| found.motion.is_simulated();
         let first = euler(optima[0].as_ref()?);
         let mut members = [const { None }; OPTIMA];
         let mut free = 0;
         for found in optima.iter().flatten().filter(|found| euler(found) == first) {
-            let same = |other: &Member<P, N>| other.found.is_near(found);
+            let same = |other: &Member<M, P, N>| other.found.is_near(found);
             if free < most && !members.iter().flatten().any(same) {
                 members[free] = Some(Member::new(found, noise));
                 free += 1;
@@ -48,7 +48,7 @@ impl<const P: usize, const N: usize> Mixture<P, N> {
     }
 
     /// Of these; None without one.
-    pub fn of(given: impl Iterator<Item = Member<P, N>>) -> Option<Self> {
+    pub fn of(given: impl Iterator<Item = Member<M, P, N>>) -> Option<Self> {
         let mut members = [const { None }; OPTIMA];
         members.iter_mut().zip(given).for_each(|(own, member)| *own = Some(member));
         let mut mixture = Mixture { members, probabilities: [0.0; OPTIMA] };
@@ -80,12 +80,12 @@ impl<const P: usize, const N: usize> Mixture<P, N> {
     }
 
     /// The members.
-    pub fn members(&self) -> impl Iterator<Item = &Member<P, N>> {
+    pub fn members(&self) -> impl Iterator<Item = &Member<M, P, N>> {
         self.members.iter().flatten()
     }
 
     /// Those that count, with their places.
-    pub fn counted_mut(&mut self) -> impl Iterator<Item = (usize, &mut Member<P, N>)> {
+    pub fn counted_mut(&mut self) -> impl Iterator<Item = (usize, &mut Member<M, P, N>)> {
         let counted = self.members.iter_mut().enumerate().zip(self.probabilities);
         counted.filter_map(|((k, member), p)| Some((k, member.as_mut().filter(|_| p > 0.0)?)))
     }
@@ -97,7 +97,7 @@ impl<const P: usize, const N: usize> Mixture<P, N> {
     }
 
     /// That at a place.
-    pub fn at(&self, place: usize) -> Option<&Member<P, N>> {
+    pub fn at(&self, place: usize) -> Option<&Member<M, P, N>> {
         self.members.get(place)?.as_ref()
     }
 
@@ -132,23 +132,41 @@ impl<const P: usize, const N: usize> Mixture<P, N> {
         self.weigh()
     }
 
+    /// All filters of driven motions to the next sample, and into their box; whether one is left that
+    /// did not run away.
+    pub fn arrive(&mut self, known: (&M::Known, &M::Known), limits: Option<&Limits>) -> bool {
+        let mut ran_away = false;
+        for (_, member) in self.counted_mut() {
+            ran_away |= !member.filter.predict(&member.found.motion, known);
+            limits.into_iter().for_each(|limits| member.filter.confine(limits));
+        }
+        !ran_away || self.drop_runaways()
+    }
+
     /// All filters over later outputs, which `data` has; whether one is left that did not run away.
     pub fn replay(
         &mut self,
-        data: &Data<'_, P>,
+        data: &Data<'_, P, M::Known>,
         range: core::ops::Range<usize>,
         limits: Option<&Limits>,
     ) -> bool {
         let mut ran_away = false;
         for k in range {
+            let at = data.y.len() + k;
+            let Some(now) = data.known.get(at) else { return false };
+            if M::DRIVEN && !self.arrive((&data.known[at - 1], now), limits) {
+                return false;
+            }
             for (_, member) in self.counted_mut() {
                 let (mut y, motion) = (data.later[k], &member.found.motion);
                 if let Some(mut x) = data.rates.get(k).copied() {
                     member.filter.see(&mut x, &data.of_rates);
                 }
-                member.filter.update(motion, &mut y);
-                ran_away |= !member.filter.predict(motion);
-                limits.into_iter().for_each(|limits| member.filter.confine(limits));
+                member.filter.update(motion, now, &mut y);
+                if !M::DRIVEN {
+                    ran_away |= !member.filter.predict(motion, (now, now));
+                    limits.into_iter().for_each(|limits| member.filter.confine(limits));
+                }
             }
         }
         !ran_away || self.drop_runaways()
@@ -156,20 +174,39 @@ impl<const P: usize, const N: usize> Mixture<P, N> {
 
     /// Mean of ω, and the covariance of its error.
     pub fn mean(&self) -> (Vector, Matrix) {
+        self.mean_of(|member| (member.filter.w(), member.filter.of_w()))
+    }
+
+    /// The same of driven motions at the sample after the last that is known, of which no more is
+    /// known than how it would go on.
+    pub fn mean_ahead(
+        &self,
+        known: (&M::Known, &M::Known),
+        limits: Option<&Limits>,
+    ) -> (Vector, Matrix) {
+        self.mean_of(|member| {
+            let mut filter = member.filter;
+            filter.predict(&member.found.motion, known);
+            limits.into_iter().for_each(|limits| filter.confine(limits));
+            (filter.w(), filter.of_w())
+        })
+    }
+
+    fn mean_of(&self, of: impl Fn(&Member<M, P, N>) -> (Vector, Matrix)) -> (Vector, Matrix) {
         let p = self.probabilities();
         let counted = || {
             let all = p.iter().zip(&self.members).filter(|(p, _)| **p > 0.0);
             all.filter_map(|(p, m)| Some((*p, m.as_ref()?)))
         };
         if let (Some((_, only)), 1) = (counted().next(), counted().count()) {
-            return (only.filter.w(), only.filter.of_w());
+            return of(only);
         }
         let (mut w, mut covariance) = ([0.0; 3], [[0.0; 3]; 3]);
         for (p, member) in counted() {
-            w.iter_mut().zip(member.filter.w()).for_each(|(sum, own)| *sum += p * own);
+            w.iter_mut().zip(of(member).0).for_each(|(sum, own)| *sum += p * own);
         }
         for (p, member) in counted() {
-            let (own, within) = (member.filter.w(), member.filter.of_w());
+            let (own, within) = of(member);
             for i in 0..3 {
                 for k in 0..3 {
                     covariance[i][k] += p * (within[i][k] + (own[i] - w[i]) * (own[k] - w[k]));
@@ -180,19 +217,19 @@ impl<const P: usize, const N: usize> Mixture<P, N> {
     }
 }
 
-impl<const P: usize, const N: usize> Member<P, N> {
+impl<M: Family<P, N>, const P: usize, const N: usize> Member<M, P, N> {
     /// From the end of a fit's data on.
-    pub fn new(found: &Posterior<Body<P, N>, N>, noise: &[f64; P]) -> Self {
+    pub fn new(found: &Posterior<M, N>, noise: &[f64; P]) -> Self {
         Member { found: *found, filter: Filter::new(found, noise) }
     }
 
     /// Where a fit from its latest optimum would begin.
-    pub fn from_optimum(&self) -> (Body<P, N>, [f64; N]) {
+    pub fn from_optimum(&self) -> (M, [f64; N]) {
         self.found.motion.rebased(&self.found.z)
     }
 
     /// Where a fit from its filter would begin.
-    pub fn from_filter(&self) -> (Body<P, N>, [f64; N]) {
+    pub fn from_filter(&self) -> (M, [f64; N]) {
         let mut z = self.filter.z;
         z[..3].copy_from_slice(&self.found.z[..3]);
         self.found.motion.rebased(&z)

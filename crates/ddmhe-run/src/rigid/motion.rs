@@ -2,17 +2,15 @@
 //! of both with respect to z = (ω, θ).
 
 use crate::rigid::small::Vector;
+use core::ops::Range;
 
 /// Unknowns that move the body come first in z, and are at most so many.
 pub const MOVING: usize = 16;
-/// Unknowns that one output depends on, at most.
-pub const SEEN: usize = 9;
-
 /// The derivative of three numbers by the unknowns that move them.
 pub type Slopes = [[f64; MOVING]; 3];
 
-/// The derivative of one output: places in z and values; unused ones are 0.
-pub type Row = [(usize, f64); SEEN];
+/// An entry of the derivative of one output: its place in z and its value; of one not used it is 0.
+pub type Entry = (usize, f64);
 
 /// How a step of one sample is made.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -29,6 +27,20 @@ pub struct Steps {
 pub trait Motion<const P: usize, const N: usize> {
     /// What the unknowns determine.
     type Parts;
+    /// What is known of a sample beside what was measured; nothing where a motion goes on by itself.
+    type Known: Copy + 'static;
+    /// What of it moves the body between two samples.
+    type Drive;
+    /// The derivative of one output, ω first.
+    type Row: Copy + AsRef<[Entry]>;
+
+    /// What is known of all samples where nothing has to be; none where something has.
+    const EVERYWHERE: &'static [Self::Known];
+    /// Whether something has to be known of every sample.
+    const DRIVEN: bool = Self::EVERYWHERE.is_empty();
+
+    /// What moves the body that share of the way between two samples.
+    fn between(from: &Self::Known, to: &Self::Known, share: f64) -> Self::Drive;
 
     /// How steps are made.
     fn steps(&self) -> Steps;
@@ -40,16 +52,67 @@ pub trait Motion<const P: usize, const N: usize> {
     fn parts(&self, z: &[f64; N]) -> Self::Parts;
 
     /// dω/dt.
-    fn rate(&self, parts: &Self::Parts, w: &Vector) -> Vector;
+    fn rate(&self, parts: &Self::Parts, drive: &Self::Drive, w: &Vector) -> Vector;
 
     /// dω/dt, and its derivative.
-    fn slope(&self, parts: &Self::Parts, w: &Vector, slopes: &mut Slopes) -> Vector;
+    fn slope(
+        &self,
+        parts: &Self::Parts,
+        drive: &Self::Drive,
+        w: &Vector,
+        slopes: &mut Slopes,
+    ) -> Vector;
 
     /// y.
-    fn output(&self, parts: &Self::Parts, w: &Vector) -> [f64; P];
+    fn output(&self, parts: &Self::Parts, known: &Self::Known, w: &Vector) -> [f64; P];
 
     /// The derivative of y.
-    fn rows(&self, parts: &Self::Parts, w: &Vector) -> [Row; P];
+    fn rows(&self, parts: &Self::Parts, known: &Self::Known, w: &Vector) -> [Self::Row; P];
+}
+
+/// A family that a body's motion may be of: ω comes first in z, then the five numbers of its inertia.
+pub trait Family<const P: usize, const N: usize>: Motion<P, N> + Copy {
+    /// Place of the P offsets of the outputs.
+    const OFFSETS: usize;
+    /// Places of parameters that wander by a share of their common size.
+    const SIZED: &'static [Range<usize>];
+
+    /// How steps are made.
+    fn steps_mut(&mut self) -> &mut Steps;
+
+    /// Standard deviations of the prior.
+    fn spread_mut(&mut self) -> &mut [f64; N];
+
+    /// Root-mean-square rate W of the recording (rad/s).
+    fn W(&self) -> f64;
+
+    /// Whether drag and output have a cubic part.
+    fn is_cubic(&self) -> bool;
+
+    /// The same with one, or without.
+    fn with_cubic(&self, cubic: bool) -> Self;
+
+    /// The same motion in coordinates of its own.
+    fn rebased(&self, z: &[f64; N]) -> (Self, [f64; N]);
+
+    /// Those coordinates.
+    fn frame(&self) -> [f64; 9];
+
+    /// In other coordinates.
+    fn in_frame(&self, frame: &[f64; 9]) -> Self;
+
+    /// The direction about which no turn is braked or shows, of length 1, if there is one.
+    fn unseen(&self, z: &[f64; N]) -> Option<Vector>;
+
+    /// Whether offsets of the outputs are free; else they are within a tenth of the noise.
+    fn has_offset(&self, noise: &[f64; P]) -> bool {
+        self.spread()[Self::OFFSETS] > noise[0]
+    }
+
+    /// Whether it is made by Euler's forward rule: a simulation, not a body.
+    fn is_simulated(&self) -> bool {
+        self.steps().substeps == 0
+    }
 }
 
 /// ω a sample later; None where it runs away.
@@ -57,19 +120,21 @@ pub trait Motion<const P: usize, const N: usize> {
 pub fn flow<const P: usize, const N: usize, M: Motion<P, N>>(
     motion: &M,
     parts: &M::Parts,
+    (from, to): (&M::Known, &M::Known),
     mut w: Vector,
 ) -> Option<Vector> {
     let Steps { dt, substeps, limit } = motion.steps();
     if substeps == 0 {
-        return ahead(&w, dt, &motion.rate(parts, &w), limit);
+        return ahead(&w, dt, &motion.rate(parts, &M::between(from, to, 0.0), &w), limit);
     }
     let h = dt / substeps as f64;
-    for _ in 0..substeps {
+    for step in 0..substeps {
+        let drive = |c: f64| M::between(from, to, (step as f64 + c) / substeps as f64);
         let at = |c: f64, k: &Vector| [0, 1, 2].map(|i| w[i] + c * k[i]);
-        let k1 = motion.rate(parts, &w);
-        let k2 = motion.rate(parts, &at(h / 2.0, &k1));
-        let k3 = motion.rate(parts, &at(h / 2.0, &k2));
-        let k4 = motion.rate(parts, &at(h, &k3));
+        let k1 = motion.rate(parts, &drive(0.0), &w);
+        let k2 = motion.rate(parts, &drive(0.5), &at(h / 2.0, &k1));
+        let k3 = motion.rate(parts, &drive(0.5), &at(h / 2.0, &k2));
+        let k4 = motion.rate(parts, &drive(1.0), &at(h, &k3));
         w = ahead(&w, h / 6.0, &combined(&k1, &k2, &k3, &k4), limit)?;
     }
     Some(w)
@@ -80,23 +145,25 @@ pub fn flow<const P: usize, const N: usize, M: Motion<P, N>>(
 pub fn flow_with_slopes<const P: usize, const N: usize, M: Motion<P, N>>(
     motion: &M,
     parts: &M::Parts,
+    (from, to): (&M::Known, &M::Known),
     mut w: Vector,
     out: &mut Slopes,
 ) -> Option<Vector> {
     let Steps { dt, substeps, limit } = motion.steps();
     if substeps == 0 {
-        let f = motion.slope(parts, &w, out);
+        let f = motion.slope(parts, &M::between(from, to, 0.0), &w, out);
         *out = from_identity(dt, out);
         return ahead(&w, dt, &f, limit);
     }
     let h = dt / substeps as f64;
     for step in 0..substeps {
+        let drive = |c: f64| M::between(from, to, (step as f64 + c) / substeps as f64);
         let (mut k, mut B) = ([[0.0; 3]; 4], [[[0.0; MOVING]; 3]; 4]);
-        k[0] = motion.slope(parts, &w, &mut B[0]);
-        for (stage, c) in [(1, h / 2.0), (2, h / 2.0), (3, h)] {
+        k[0] = motion.slope(parts, &drive(0.0), &w, &mut B[0]);
+        for (stage, share, c) in [(1, 0.5, h / 2.0), (2, 0.5, h / 2.0), (3, 1.0, h)] {
             let z = [0, 1, 2].map(|i| w[i] + c * k[stage - 1][i]);
             let (before, now) = B.split_at_mut(stage);
-            k[stage] = motion.slope(parts, &z, &mut now[0]);
+            k[stage] = motion.slope(parts, &drive(share), &z, &mut now[0]);
             chain(c, &mut now[0], &before[stage - 1]);
         }
         w = ahead(&w, h / 6.0, &combined(&k[0], &k[1], &k[2], &k[3]), limit)?;

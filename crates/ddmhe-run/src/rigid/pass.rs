@@ -14,7 +14,7 @@ const BLOCK: usize = 10;
 
 /// What is fitted: a recording and the outputs since, NaN = not measured.
 #[derive(Debug, Clone, Copy)]
-pub struct Data<'a, const P: usize> {
+pub struct Data<'a, const P: usize, K = ()> {
     /// Recorded rates (T+1).
     pub x: &'a [Vector],
     /// Recorded outputs (T).
@@ -23,6 +23,9 @@ pub struct Data<'a, const P: usize> {
     pub later: &'a [[f64; P]],
     /// Later rates, as many as there are later outputs, or none of all.
     pub rates: &'a [Vector],
+    /// What is known of each sample: of the motion [`Motion::EVERYWHERE`] where nothing has to be.
+    /// One that is driven stands still after the last of them.
+    pub known: &'a [K],
     /// Noise of recorded rates.
     pub of_x: Vector,
     /// Of recorded outputs.
@@ -33,7 +36,7 @@ pub struct Data<'a, const P: usize> {
     pub of_rates: Vector,
 }
 
-impl<const P: usize> Data<'_, P> {
+impl<const P: usize, K> Data<'_, P, K> {
     /// Output k and its noise.
     #[inline(always)]
     fn output(&self, k: usize) -> (&[f64; P], &[f64; P]) {
@@ -158,7 +161,7 @@ impl<const P: usize, const N: usize> Pass<P, N> {
     pub fn advance<M: Motion<P, N>>(
         &mut self,
         motion: &M,
-        data: &Data<'_, P>,
+        data: &Data<'_, P, M::Known>,
         (end, samples): (usize, usize),
         most: f64,
     ) -> bool {
@@ -179,9 +182,16 @@ impl<const P: usize, const N: usize> Pass<P, N> {
             if let Some(x) = data.rate(self.next) {
                 self.rate(x, &data.of_rates);
             }
-            self.output(motion, &parts, data.output(self.next));
+            let known = data.known.get(self.next..).unwrap_or(&[]);
+            if let Some(now) = known.first() {
+                self.output(motion, (&parts, now), data.output(self.next));
+            }
+            let [from, to, ..] = known else {
+                self.goes_on(Some(self.w), most);
+                continue;
+            };
             let mut F = [[0.0; MOVING]; 3];
-            if !self.goes_on(flow_with_slopes(motion, &parts, self.w, &mut F), most) {
+            if !self.goes_on(flow_with_slopes(motion, &parts, (from, to), self.w, &mut F), most) {
                 return true;
             }
             self.carry(&F);
@@ -194,7 +204,7 @@ impl<const P: usize, const N: usize> Pass<P, N> {
     pub fn weigh<M: Motion<P, N>>(
         &mut self,
         motion: &M,
-        data: &Data<'_, P>,
+        data: &Data<'_, P, M::Known>,
         (end, samples): (usize, usize),
         most: f64,
     ) -> bool {
@@ -211,9 +221,17 @@ impl<const P: usize, const N: usize> Pass<P, N> {
             if let Some(x) = data.rate(self.next) {
                 self.cost += (0..3).map(|i| square(x[i] - w[i], data.of_rates[i])).sum::<f64>();
             }
-            let ((y, noise), expected) = (data.output(self.next), motion.output(&parts, &w));
-            self.cost += (0..P).map(|i| square(y[i] - expected[i], noise[i])).sum::<f64>();
-            if !self.goes_on(flow(motion, &parts, w), most) {
+            let known = data.known.get(self.next..).unwrap_or(&[]);
+            if let Some(now) = known.first() {
+                let ((y, noise), expected) =
+                    (data.output(self.next), motion.output(&parts, now, &w));
+                self.cost += (0..P).map(|i| square(y[i] - expected[i], noise[i])).sum::<f64>();
+            }
+            let next = match known {
+                [from, to, ..] => flow(motion, &parts, (from, to), w),
+                _ => Some(w),
+            };
+            if !self.goes_on(next, most) {
                 return true;
             }
         }
@@ -261,22 +279,23 @@ impl<const P: usize, const N: usize> Pass<P, N> {
     fn output<M: Motion<P, N>>(
         &mut self,
         motion: &M,
-        parts: &M::Parts,
+        (parts, known): (&M::Parts, &M::Known),
         (y, noise): (&[f64; P], &[f64; P]),
     ) {
-        let (expected, rows) = (motion.output(parts, &self.w), motion.rows(parts, &self.w));
+        let w = &self.w;
+        let (expected, rows) = (motion.output(parts, known, w), motion.rows(parts, known, w));
         let mut residuals = [0.0; P];
         for i in 0..P {
             if !y[i].is_finite() {
                 continue;
             }
-            let by = 1.0 / noise[i];
-            let h = [0, 1, 2].map(|k| by * rows[i][k].1);
+            let (by, own) = (1.0 / noise[i], rows[i].as_ref());
+            let h = [0, 1, 2].map(|k| by * own[k].1);
             let mut row = [0.0; N];
             for (k, entry) in row.iter_mut().enumerate() {
                 *entry = h[0] * self.S[0][k] + h[1] * self.S[1][k] + h[2] * self.S[2][k];
             }
-            rows[i][3..].iter().for_each(|(at, v)| row[*at] += by * v);
+            own[3..].iter().for_each(|(at, v)| row[*at] += by * v);
             residuals[i] = (y[i] - expected[i]) * by;
             self.cost += residuals[i] * residuals[i];
             self.seen += 1.0;

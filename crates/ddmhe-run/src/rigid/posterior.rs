@@ -1,8 +1,8 @@
 //! What a fit found.
 
 use crate::panels::Root;
-use crate::rigid::body::Body;
 use crate::rigid::layout::TILT;
+use crate::rigid::motion::Family;
 use crate::rigid::small::Vector;
 
 /// Costs that differ by less are of one optimum.
@@ -29,7 +29,7 @@ pub struct Posterior<M, const N: usize> {
     pub misfit: Misfit,
 }
 
-impl<const P: usize, const N: usize> Posterior<Body<P, N>, N> {
+impl<M, const N: usize> Posterior<M, N> {
     /// (ω at the end of the data, θ).
     fn at_end(&self) -> [f64; N] {
         let mut z = self.z;
@@ -48,8 +48,11 @@ impl<const P: usize, const N: usize> Posterior<Body<P, N>, N> {
     }
 
     /// The evidence, less what is to be gained before a body is believed to move by Euler's rule.
-    pub fn weight(&self) -> f64 {
-        self.evidence - if self.motion.steps.substeps == 0 { 0.5 * EULER } else { 0.0 }
+    pub fn weight<const P: usize>(&self) -> f64
+    where
+        M: Family<P, N>,
+    {
+        self.evidence - if self.motion.is_simulated() { 0.5 * EULER } else { 0.0 }
     }
 }
 

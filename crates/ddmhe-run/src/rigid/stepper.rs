@@ -3,6 +3,7 @@
 use crate::rigid::anchoring::{Anchoring, Optima};
 use crate::rigid::filter::{Innovation, Limits};
 use crate::rigid::mixture::{Member, Mixture};
+use crate::rigid::motion::Family;
 use crate::rigid::pass::{Data, Units};
 use crate::rigid::small::Vector;
 
@@ -65,19 +66,19 @@ pub enum Refit {
 /// What goes on beside the filters.
 #[derive(Debug, Clone, PartialEq)]
 #[allow(clippy::large_enum_variant)] // there is no memory but this
-pub enum Work<const P: usize, const N: usize> {
+pub enum Work<M, const P: usize, const N: usize> {
     /// Fits, and how often they were advanced.
-    Fits(Anchoring<P, N>, usize),
+    Fits(Anchoring<M, P, N>, usize),
     /// Members on their way from the end of their fits' data to the newest output, and the next
     /// output.
-    Replay(Mixture<P, N>, usize),
+    Replay(Mixture<M, P, N>, usize),
 }
 
 /// Where the estimator stands.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Stepper<const P: usize, const N: usize> {
+pub struct Stepper<M, const P: usize, const N: usize> {
     /// What may have made the data.
-    pub mixture: Mixture<P, N>,
+    pub mixture: Mixture<M, P, N>,
     /// Samples consumed.
     pub t: usize,
     /// Fits anew so far.
@@ -85,7 +86,7 @@ pub struct Stepper<const P: usize, const N: usize> {
     /// Sample at which the last of them began.
     pub begun: usize,
     /// What goes on beside the filters.
-    pub work: Option<Work<P, N>>,
+    pub work: Option<Work<M, P, N>>,
     /// Whether motions are fitted anew, and when.
     pub refit: Option<Refit>,
     /// Root-mean-square size of the recorded outputs.
@@ -98,11 +99,11 @@ pub struct Stepper<const P: usize, const N: usize> {
     pub unexplained: bool,
 }
 
-impl<const P: usize, const N: usize> Stepper<P, N> {
+impl<M: Family<P, N>, const P: usize, const N: usize> Stepper<M, P, N> {
     /// From the end of the recording, with the optima that its fit found, the best first, and the
     /// noise of later outputs; None without an optimum. At most so many are followed.
     pub fn new(
-        optima: &Optima<P, N>,
+        optima: &Optima<M, N>,
         noise: &[f64; P],
         refit: Option<Refit>,
         (size, known, most): (f64, bool, usize),
@@ -115,17 +116,18 @@ impl<const P: usize, const N: usize> Stepper<P, N> {
     }
 
     /// The motion that is believed most.
-    pub fn leading(&self) -> Option<&Member<P, N>> {
+    pub fn leading(&self) -> Option<&Member<M, P, N>> {
         self.mixture.at(self.mixture.leading())
     }
 
-    /// Consumes y(t-1) and, where they were measured, rates of the same instant and their noise:
+    /// Consumes y(t-1), with what is known of that instant, and, where they were measured, rates of the same instant and their noise:
     /// what y said to the leading motion, and whether ω(t) could be foretold. What was too wild for
-    /// that motion becomes NaN.
+    /// that motion becomes NaN. A driven motion stays where it is.
     #[inline(always)]
     pub fn advance(
         &mut self,
         y: &mut [f64; P],
+        known: &M::Known,
         rates: Option<(&mut Vector, &Vector)>,
     ) -> (Innovation<P>, bool) {
         self.t += 1;
@@ -140,8 +142,10 @@ impl<const P: usize, const N: usize> Stepper<P, N> {
                     seen = x;
                 }
             }
-            let own_said = member.filter.update(motion, &mut own);
-            foretold &= member.filter.predict(motion);
+            let own_said = member.filter.update(motion, known, &mut own);
+            if !M::DRIVEN {
+                foretold &= member.filter.predict(motion, (known, known));
+            }
             if k == leading {
                 (said, *y) = (own_said, own);
             }
@@ -154,7 +158,12 @@ impl<const P: usize, const N: usize> Stepper<P, N> {
     }
 
     /// What is due beside the filters, and ω into its box. `data` ends with y(t-1).
-    pub fn anchor(&mut self, data: &Data<'_, P>, limits: Option<&Limits>, units: &impl Units) {
+    pub fn anchor(
+        &mut self,
+        data: &Data<'_, P, M::Known>,
+        limits: Option<&Limits>,
+        units: &impl Units,
+    ) {
         match self.refit {
             Some(Refit::Now) => {
                 if self.is_due(data) {
@@ -168,12 +177,12 @@ impl<const P: usize, const N: usize> Stepper<P, N> {
         if since as f64 > HELD.1 * (data.y.len() + self.begun) as f64 {
             self.mixture.hold(false);
         }
-        let Some(limits) = limits else { return };
+        let Some(limits) = limits.filter(|_| !M::DRIVEN) else { return };
         self.mixture.counted_mut().for_each(|(_, member)| member.filter.confine(limits));
     }
 
     /// Whether a fit is due, or was since the last one: it is then no more.
-    fn is_due(&mut self, data: &Data<'_, P>) -> bool {
+    fn is_due(&mut self, data: &Data<'_, P, M::Known>) -> bool {
         let before = self.fits;
         while due(self.fits, data.y.len()).is_some_and(|due| due <= self.t) {
             self.fits += 1;
@@ -183,7 +192,7 @@ impl<const P: usize, const N: usize> Stepper<P, N> {
 
     /// Fits all data anew, to the end, from the leading filter and from the latest optimum of each
     /// motion; whether a rigid body explains them. `data` ends with y(t-1).
-    pub fn fit_anew(&mut self, data: &Data<'_, P>, units: &impl Units) -> bool {
+    pub fn fit_anew(&mut self, data: &Data<'_, P, M::Known>, units: &impl Units) -> bool {
         self.work = None;
         let Some(mut fits) = self.starts(data, true) else { return false };
         while !fits.advance(data, usize::MAX, units) {}
@@ -195,7 +204,7 @@ impl<const P: usize, const N: usize> Stepper<P, N> {
 
     /// Fits of all data, from the leading filter and from the latest optimum of each motion; in
     /// slices from the latter alone, and of what counts: there is no time for more.
-    fn starts(&self, data: &Data<'_, P>, settles: bool) -> Option<Anchoring<P, N>> {
+    fn starts(&self, data: &Data<'_, P, M::Known>, settles: bool) -> Option<Anchoring<M, P, N>> {
         let (leading, place) = (self.leading()?, self.mixture.leading());
         let (counted, all) = (self.mixture.probabilities(), self.refit != Some(Refit::Sliced));
         let stale = all && self.t <= ALTERNATIVES * data.y.len();
@@ -211,7 +220,7 @@ impl<const P: usize, const N: usize> Stepper<P, N> {
     }
 
     /// What goes on from ended fits; where no body explains the data all filters doubt.
-    fn following(&mut self, fits: &Anchoring<P, N>, outputs: usize) -> Option<Mixture<P, N>> {
+    fn following(&mut self, fits: &Anchoring<M, P, N>, outputs: usize) -> Option<Mixture<M, P, N>> {
         let leading = self.leading()?.filter;
         let found = fits.optima().and_then(|found| Mixture::new(&found, &leading.noise, self.most));
         self.unexplained = found.is_none();
@@ -226,7 +235,7 @@ impl<const P: usize, const N: usize> Stepper<P, N> {
     }
 
     /// One slice of what goes on beside the filters.
-    fn slice(&mut self, data: &Data<'_, P>, limits: Option<&Limits>, units: &impl Units) {
+    fn slice(&mut self, data: &Data<'_, P, M::Known>, limits: Option<&Limits>, units: &impl Units) {
         match &mut self.work {
             None => self.begin(data),
             Some(Work::Fits(fits, calls)) => {
@@ -262,7 +271,7 @@ impl<const P: usize, const N: usize> Stepper<P, N> {
     }
 
     /// Begins a round of fits when it is time.
-    fn begin(&mut self, data: &Data<'_, P>) {
+    fn begin(&mut self, data: &Data<'_, P, M::Known>) {
         let outputs = data.y.len();
         let next = (SLICED.0 * outputs as f64).max(SLICED.1 * self.begun as f64);
         if (self.t as f64) < next || self.t > last_fit(outputs) {

@@ -1,0 +1,27 @@
+//! Families of motions that are fitted to a recording: where their fits begin.
+
+use crate::rigid::recording::Recording;
+use ddmhe_run::rigid::Body;
+use ddmhe_run::rigid::motion::Family;
+
+/// One of them.
+pub(crate) trait Fitted<const P: usize, const N: usize>:
+    Family<P, N, Known: Send + Sync> + Send + Sync + 'static
+{
+    /// Whether a simulation by Euler's forward rule may have made the recording, too.
+    const SIMULATED: bool;
+    /// From which starts it is fitted: without a cubic part, and with one.
+    const STARTS: [&'static [usize]; 2];
+
+    /// A motion and where its fit begins.
+    fn start(recording: &Recording<P>, trial: usize, cubic: bool) -> (Self, [f64; N]);
+}
+
+impl<const P: usize, const N: usize> Fitted<P, N> for Body<P, N> {
+    const SIMULATED: bool = true;
+    const STARTS: [&'static [usize]; 2] = [&[0, 1, 2, 3, 4], &[0]];
+
+    fn start(recording: &Recording<P>, trial: usize, cubic: bool) -> (Self, [f64; N]) {
+        recording.body(trial, cubic)
+    }
+}
