@@ -20,6 +20,9 @@ RECORDED, ONLINE, EVERY, DT = 200, 400, 8, 0.1
 # noise of recorded rates (rad/s), recorded and later outputs (N m)
 LEVELS = [(1e-5, 1e-3, 1e-3), (1e-4, 1e-2, 1e-2), (1e-3, 1e-2, 1e-2), (1e-3, 5e-2, 5e-2)]
 
+# the fourth and the fifth output, of the three torques
+MORE = np.array([[0.8, -0.6, 0.0], [0.5, 0.5, 1.0]])
+
 
 def cases():
     """Name, seed, noise, how it is simulated, outputs, share that is lost, whether noise is
@@ -30,6 +33,9 @@ def cases():
     yield "euler", 1012, LEVELS[1], {"integ": "euler"}, 3, 0.0, True
     yield "lost", 1013, LEVELS[1], {}, 3, 0.3, False
     yield "two outputs", 1014, LEVELS[1], {}, 2, 0.0, True
+    yield "four outputs", 1015, LEVELS[1], {}, 4, 0.1, True
+    # fits of 1016 creep along a valley, where the reference ends them earlier
+    yield "five outputs", 1017, LEVELS[1], {}, 5, 0.0, True
 
 
 def simulated(sims, seed, noise, how, outputs, lost):
@@ -39,7 +45,7 @@ def simulated(sims, seed, noise, how, outputs, lost):
     draw = np.random.default_rng(seed)
     of_x, of_y, of_later = noise
     x = x[: RECORDED + 1] + of_x * draw.standard_normal((RECORDED + 1, 3))
-    y, count = y[:-1], len(y) - 1
+    y, count = np.c_[y, y @ MORE[: max(outputs - 3, 0)].T][:-1], len(y) - 1
     sd = np.where(np.arange(count) < RECORDED, of_y, of_later)[:, None]
     y = y + sd * draw.standard_normal(y.shape)
     whole = np.rint(y[:, :outputs] / UNIT_Y).astype(np.int32)

@@ -173,6 +173,27 @@ def test_copies_and_pickles_go_on_with_the_same_numbers(refit, before):
     assert same(est.run(Y), new.run(Y))
 
 
+@pytest.mark.parametrize("name", ["two outputs", "four outputs", "five outputs"])
+def test_outputs_that_fill_no_type_are_all_that_there_are(name):
+    """Two run where there is room for three, four and five where there is for six: neither evidence
+    nor a run that goes on elsewhere, in the midst of fits, has more of them."""
+    history, settings, Y, _ = golden(name)
+    est = ddmhe.RigidBodyMhe(history, refit="sliced", **settings)
+    log = est.run(Y[:90])
+    there = np.isfinite(Y[:90])
+    found = est.step(Y[90]).evidence
+    for values in (found.innovation, found.innovation_std, found.gated, found.stuck):
+        assert np.shape(values) == (history.p,)
+    assert np.array_equal(np.isfinite(log.evidence.innovation), there)
+    # noise of the stated size, in its own units: no other output shares its mean
+    nis = np.square(log.evidence.innovation / log.evidence.innovation_std)[there]
+    assert 0.8 < np.mean(nis) < 1.2
+    other = ddmhe.RigidBodyMhe.restore(est.snapshot())
+    assert same(other.run(Y[91:]), est.run(Y[91:]))
+    with pytest.raises(ddmhe.DdmheError, match=str(history.p)):
+        est.step(np.zeros(history.p + 1))
+
+
 def test_snapshots_that_were_changed_are_refused(made):
     est, _ = made
     blob = bytearray(est.snapshot())

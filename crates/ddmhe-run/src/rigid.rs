@@ -25,8 +25,9 @@
 //! from there on) → [`mixture`] (up to four of them) · [`anchoring`] (fits to all data since) →
 //! [`stepper`] (both together).
 //!
-//! All of it has a fixed size, and nothing is allocated. The number of outputs p is the constant P,
-//! 1 to 6, and N the number of unknowns, [`layout::unknowns`]`(P)`.
+//! All of it has a fixed size, and nothing is allocated. There is room for P outputs, 1 to 6, and N is
+//! the number of unknowns, [`layout::unknowns`]`(P)`. Fewer outputs p come first; the others are never
+//! measured: they are NaN with infinite noise, see [`layout::outputs`]. Estimates are as with P = p.
 
 pub mod anchoring;
 pub mod body;

@@ -4,7 +4,7 @@
 use ddmhe_run::rigid::motion::{Entry, MOVING, Motion, Slopes, Steps};
 
 /// Unknowns before those of the output: ω, and [A e] by rows.
-const OUTPUT: usize = 15;
+pub(crate) const OUTPUT: usize = 15;
 
 /// Unknowns that one output depends on.
 const SEEN: usize = 9;

@@ -1,7 +1,7 @@
 //! Which motion made the recording: fits from several starts, the simplest family that explains it,
 //! and the affine motion as the yardstick where none does.
 
-use crate::rigid::affine::Affine;
+use crate::rigid::affine::{Affine, affine_unknowns};
 use crate::rigid::family::Fitted;
 use crate::rigid::recording::Recording;
 use ddmhe_run::rigid::anchoring::{OPTIMA, Optima, other_offset};
@@ -135,14 +135,16 @@ impl<M, const N: usize> Choice<M, N> {
         M: Fitted<P, N>,
     {
         let samples = recording.x.len();
-        let of_body =
-            |f: &Posterior<M, N>| rating(f, samples, N - if f.motion.is_cubic() { 0 } else { 2 });
+        let absent = M::OF_OUTPUT * (P - recording.p);
+        let of_body = |f: &Posterior<M, N>| {
+            rating(f, samples, N - absent - if f.motion.is_cubic() { 0 } else { 2 })
+        };
         // of equals the first
         let closest = tried.iter().rev().max_by(|a, b| of_body(a).total_cmp(&of_body(b))).copied();
         let of_affine = (recording, Affine::<P, NA>::EVERYWHERE);
         let affine: Option<Posterior<Affine<P, NA>, NA>> =
             annealed(of_affine, recording.affine(), |motion: &Affine<P, NA>, z| (*motion, *z));
-        let of_affine = affine.map(|f| rating(&f, samples, NA));
+        let of_affine = affine.map(|f| rating(&f, samples, affine_unknowns(recording.p)));
         let none = [const { None }; OPTIMA];
         let Some(best) = closest.filter(|f| of_affine.is_none_or(|other| other <= of_body(f)))
         else {

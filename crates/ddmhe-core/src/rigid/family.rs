@@ -2,12 +2,15 @@
 
 use crate::rigid::recording::Recording;
 use ddmhe_run::rigid::Body;
+use ddmhe_run::rigid::layout::unknowns;
 use ddmhe_run::rigid::motion::Family;
 
 /// One of them.
 pub(crate) trait Fitted<const P: usize, const N: usize>:
     Family<P, N, Known: Send + Sync> + Send + Sync + 'static
 {
+    /// Unknowns that an output has of its own.
+    const OF_OUTPUT: usize;
     /// Whether a simulation by Euler's forward rule may have made the recording, too.
     const SIMULATED: bool;
     /// From which starts it is fitted: without a cubic part, and with one.
@@ -18,6 +21,7 @@ pub(crate) trait Fitted<const P: usize, const N: usize>:
 }
 
 impl<const P: usize, const N: usize> Fitted<P, N> for Body<P, N> {
+    const OF_OUTPUT: usize = unknowns(1) - unknowns(0);
     const SIMULATED: bool = true;
     const STARTS: [&'static [usize]; 2] = [&[0, 1, 2, 3, 4], &[0]];
 

@@ -1,4 +1,4 @@
-//! A run of the rigid body's estimator with P outputs.
+//! A run of the rigid body's estimator with at most P outputs.
 
 use crate::config::Bounds;
 use crate::error::Error;
@@ -8,7 +8,7 @@ use crate::rigid::affine::affine_unknowns;
 use crate::rigid::choice::Choice;
 use crate::rigid::config::{Refits, RigidConfig, is_of_rates};
 use crate::rigid::family::Fitted;
-use crate::rigid::recording::Recording;
+use crate::rigid::recording::{Recording, widened};
 use crate::rigid::report::Report;
 #[cfg(feature = "serde")]
 use crate::rigid::saved::Saved;
@@ -26,7 +26,7 @@ use std::sync::Arc;
 /// No body's smallest moment of inertia is less, its mean being 1.
 const LEAST_MOMENT: f64 = 0.02;
 
-/// A run whatever the number of outputs is, which is a constant of its type.
+/// A run whatever the number of outputs is, for which its type has room.
 pub(crate) trait Online: Send + Sync {
     /// Consumes y(t-1), and rates of the same instant where they were measured; whether there is a
     /// motion that foretells x(t). `estimate` says what it is.
@@ -143,7 +143,8 @@ impl Online for NoBody {
     }
 }
 
-/// A new run.
+/// A new run, in the narrowest of three types that has room for the outputs: each is a quarter of a
+/// megabyte of machine code.
 ///
 /// # Errors
 /// [`Error::Value`] for a recording of zeros.
@@ -159,10 +160,7 @@ pub(crate) fn online(history: &History, config: &RigidConfig) -> Result<Box<dyn 
     }
     match history.p() {
         1 => of::<1, { unknowns(1) }, { affine_unknowns(1) }>(history, config),
-        2 => of::<2, { unknowns(2) }, { affine_unknowns(2) }>(history, config),
-        3 => of::<3, { unknowns(3) }, { affine_unknowns(3) }>(history, config),
-        4 => of::<4, { unknowns(4) }, { affine_unknowns(4) }>(history, config),
-        5 => of::<5, { unknowns(5) }, { affine_unknowns(5) }>(history, config),
+        2 | 3 => of::<3, { unknowns(3) }, { affine_unknowns(3) }>(history, config),
         _ => of::<6, { unknowns(6) }, { affine_unknowns(6) }>(history, config),
     }
 }
@@ -305,9 +303,10 @@ impl<M: Fitted<P, N>, const P: usize, const N: usize> Run<M, P, N> {
         let bits = reasons.iter().filter(|(_, there)| *there).map(|(reason, _)| reason.bits());
         evidence.reasons = Reasons::from_bits(bits.sum());
         evidence.value = filter.score;
-        evidence.innovation.copy_from_slice(&said.value);
-        evidence.innovation_variance.copy_from_slice(&said.variance);
-        evidence.gated.copy_from_slice(&said.gated);
+        let p = ground.recording.p;
+        evidence.innovation.copy_from_slice(&said.value[..p]);
+        evidence.innovation_variance.copy_from_slice(&said.variance[..p]);
+        evidence.gated.copy_from_slice(&said.gated[..p]);
     }
 }
 
@@ -333,8 +332,7 @@ pub(crate) fn blank(p: usize) -> Estimate {
 impl<M: Fitted<P, N>, const P: usize, const N: usize> Online for Run<M, P, N> {
     fn advance(&mut self, y: &[f64], rates: Option<&[f64]>, estimate: &mut Estimate) -> bool {
         let Some(stepper) = &mut self.stepper else { return false };
-        let mut sample = [0.0; P];
-        sample.copy_from_slice(y);
+        let mut sample = widened(y);
         let mut rates = rates.map(|x| [x[0], x[1], x[2]]);
         let noise = self.ground.recording.of_rates;
         let (said, foretold) = self.ground.units.run(

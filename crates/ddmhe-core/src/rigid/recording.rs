@@ -1,8 +1,9 @@
-//! What the fits are made of: one recording with p outputs, its noise, and where they begin.
+//! What the fits are made of: one recording with p outputs, its noise, and where they begin. In types
+//! with room for more the other outputs are never measured, and their unknowns have a prior alone.
 
 use crate::error::Error;
 use crate::history::History;
-use crate::rigid::affine::Affine;
+use crate::rigid::affine::{Affine, OUTPUT};
 use crate::rigid::config::RigidConfig;
 use crate::variation::{least_squares, noise_levels};
 use ddmhe_run::rigid::layout::{DRAG, DRAG_CUBIC, GAIN, INERTIA, TILT, offset, output_cubic};
@@ -40,6 +41,8 @@ const DRAWS: [[f64; 5]; 2] = [
 /// One recording.
 #[derive(Debug, Clone)]
 pub(crate) struct Recording<const P: usize> {
+    /// How many outputs there are.
+    pub p: usize,
     pub x: Vec<[f64; 3]>,
     pub y: Vec<[f64; P]>,
     pub dt: f64,
@@ -59,15 +62,15 @@ pub(crate) struct Recording<const P: usize> {
 }
 
 impl<const P: usize> Recording<P> {
-    /// Of a checked recording of three rates and P outputs.
+    /// Of a checked recording of three rates and at most P outputs.
     pub fn new(history: &History, config: &RigidConfig) -> Result<Self, Error> {
-        let rows = |v: &[f64]| v.as_chunks::<3>().0.to_vec();
-        let (x, y) = (rows(history.states(0)), history.outputs(0).as_chunks::<P>().0.to_vec());
+        let (p, x, outputs) = (history.p(), history.states(0), history.outputs(0));
+        let x = x.as_chunks::<3>().0.to_vec();
+        let y: Vec<[f64; P]> = outputs.chunks_exact(p).map(widened).collect();
         let squares: Vec<f64> = x.iter().map(|w| w.iter().map(|v| v * v).sum()).collect();
         let W = (squares.iter().sum::<f64>() / x.len() as f64).sqrt();
         let fastest = squares.iter().copied().fold(0.0, f64::max).sqrt();
-        let size =
-            (y.as_flattened().iter().map(|v| v * v).sum::<f64>() / (P * y.len()) as f64).sqrt();
+        let size = (outputs.iter().map(|v| v * v).sum::<f64>() / outputs.len() as f64).sqrt();
         for (argument, size) in [("x", W), ("y", size)] {
             if !(size.is_finite() && size > 0.0) {
                 return Err(Error::value(argument, "a body that turns", "nothing but zeros"));
@@ -76,19 +79,20 @@ impl<const P: usize> Recording<P> {
         let (recorded_x, recorded_y) = noise_levels(history);
         let mut of_x = [0.0; 3];
         fill(&mut of_x, config.x_noise.as_deref(), &recorded_x, LEAST_NOISE * W);
-        let (mut of_y, mut of_later) = ([0.0; P], [0.0; P]);
-        fill(&mut of_y, config.y_noise.as_deref(), &recorded_y, LEAST_NOISE * size);
-        fill(&mut of_later, config.output_noise.as_deref(), &of_y, LEAST_NOISE * size);
+        let (mut of_y, mut of_later) = ([f64::INFINITY; P], [f64::INFINITY; P]);
+        fill(&mut of_y[..p], config.y_noise.as_deref(), &recorded_y, LEAST_NOISE * size);
+        fill(&mut of_later[..p], config.output_noise.as_deref(), &of_y, LEAST_NOISE * size);
         let mut of_rates = [0.0; 3];
         fill(&mut of_rates, config.rate_noise.as_deref(), &of_x, LEAST_NOISE * W);
         let (dt, T) = (history.dt(), y.len());
         let regressors = Mat::from_fn(T, 4, |k, i| if i < 3 { x[k][i] } else { 1.0 });
-        let outputs = Mat::from_fn(T, P, |k, i| y[k][i]);
+        let outputs = Mat::from_fn(T, p, |k, i| y[k][i]);
         let rates = Mat::from_fn(T, 3, |k, i| (x[k + 1][i] - x[k][i]) / dt);
         let seen = least_squares(&regressors, &outputs, 0.0).transpose().to_owned();
         let moved = least_squares(&regressors, &rates, 0.0).transpose().to_owned();
         let known = config.x_noise.is_some() && config.y_noise.is_some();
         Ok(Recording {
+            p,
             x,
             y,
             dt,
@@ -133,15 +137,15 @@ impl<const P: usize> Recording<P> {
         let C = self.seen.as_ref().subcols(0, 3);
         let b0 = self.little_seen(trial % 4);
         let N0 = complement(&b0);
-        let (W, size) = (self.W, self.size);
+        let (p, W, size) = (self.p, self.W, self.size);
         let [j, beta, S, G, r, gamma] = SPREAD;
         let mut spread = [1.0; N];
         spread[INERTIA..TILT].fill(j);
         spread[TILT..DRAG].fill(beta);
         spread[DRAG..DRAG_CUBIC].fill(S * W);
         spread[DRAG_CUBIC] = gamma;
-        spread[GAIN..offset(P)].fill(G * size / W);
-        spread[offset(P)..output_cubic(P)].fill(r * size);
+        spread[GAIN..GAIN + 2 * p].fill(G * size / W);
+        spread[offset(P)..offset(P) + p].fill(r * size);
         spread[output_cubic(P)] = gamma;
         let mut z = [0.0; N];
         z[..3].copy_from_slice(&self.x[0]);
@@ -149,7 +153,7 @@ impl<const P: usize> Recording<P> {
             let draw = &DRAWS[trial / 2 - 1];
             z[INERTIA..TILT].iter_mut().zip(draw).for_each(|(z, v)| *z = j * v);
         }
-        for i in 0..P {
+        for i in 0..p {
             for k in 0..2 {
                 z[GAIN + 2 * i + k] = (0..3).map(|l| C[(i, l)] * N0[l][k]).sum();
             }
@@ -178,14 +182,22 @@ impl<const P: usize> Recording<P> {
                 spread[3 + 4 * i + k] = if k < 3 { self.W } else { self.W * self.W };
             }
         }
-        for i in 0..P {
-            (0..3).for_each(|k| z[15 + 3 * i + k] = self.seen[(i, k)]);
-            z[15 + 3 * P + i] = self.seen[(i, 3)];
+        let (gains, offsets) = (OUTPUT, OUTPUT + 3 * P);
+        for i in 0..self.p {
+            (0..3).for_each(|k| z[gains + 3 * i + k] = self.seen[(i, k)]);
+            z[offsets + i] = self.seen[(i, 3)];
         }
-        spread[15..15 + 3 * P].fill(SPREAD[3] * self.size / self.W);
-        spread[15 + 3 * P..].fill(self.size);
+        spread[gains..gains + 3 * self.p].fill(SPREAD[3] * self.size / self.W);
+        spread[offsets..offsets + self.p].fill(self.size);
         (Affine { steps: self.steps(), spread }, z)
     }
+}
+
+/// Outputs of a sample; NaN is what there is room for beside them.
+pub(crate) fn widened<const P: usize>(y: &[f64]) -> [f64; P] {
+    let mut wide = [f64::NAN; P];
+    wide[..y.len()].copy_from_slice(y);
+    wide
 }
 
 /// What was stated of each channel, else what was recorded; at least so much.

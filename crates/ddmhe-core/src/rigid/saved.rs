@@ -136,7 +136,7 @@ impl Saved {
                 let fits = Anchoring::new(read.into_iter(), *end, settings);
                 let mut fits = fits.ok_or_else(wrong)?;
                 for _ in 0..*calls {
-                    fits.advance(data, slice(P), units);
+                    fits.advance(data, slice(recording.p), units);
                 }
                 Some(Work::Fits(fits, *calls))
             }

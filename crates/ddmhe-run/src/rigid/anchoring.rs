@@ -1,6 +1,7 @@
 //! The motion fitted anew to recording and all outputs since, from several starts, in slices.
 
 use crate::rigid::fit::Fit;
+use crate::rigid::layout::outputs;
 use crate::rigid::motion::Family;
 use crate::rigid::pass::{Data, Units};
 use crate::rigid::posterior::{EULER, Posterior};
@@ -197,7 +198,7 @@ pub fn other_offset<M: Family<P, N>, const P: usize, const N: usize>(
 ) -> (M, [f64; N]) {
     let (mut body, mut z) = (found.motion, found.z);
     let free = body.has_offset(noise);
-    for i in 0..P {
+    for i in 0..outputs(noise) {
         body.spread_mut()[M::OFFSETS + i] = if free { OFFSET * noise[i] } else { wide };
         if free {
             z[M::OFFSETS + i] = 0.0;

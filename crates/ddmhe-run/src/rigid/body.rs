@@ -194,7 +194,10 @@ impl<const P: usize, const N: usize> Motion<P, N> for Body<P, N> {
 
 impl<const P: usize, const N: usize> Family<P, N> for Body<P, N> {
     const OFFSETS: usize = offset(P);
-    const SIZED: &'static [Range<usize>] = &[DRAG..DRAG_CUBIC, GAIN..offset(P)];
+
+    fn sized(p: usize) -> impl Iterator<Item = Range<usize>> {
+        [DRAG..DRAG_CUBIC, GAIN..GAIN + 2 * p].into_iter()
+    }
 
     fn steps_mut(&mut self) -> &mut Steps {
         &mut self.steps

@@ -2,6 +2,7 @@
 //! linearisation, taken on to what was measured since; about its own estimate it is the extended one.
 
 use crate::panels::Root;
+use crate::rigid::layout::outputs;
 use crate::rigid::motion::{Entry, Family, MOVING, Motion, flow_with_slopes};
 use crate::rigid::posterior::Posterior;
 use crate::rigid::small::{Matrix, Vector};
@@ -82,11 +83,12 @@ impl<const P: usize, const N: usize> Filter<P, N> {
         let mut walk = *motion.spread();
         walk[..3].fill(motion.W());
         let cap = walk.map(|v| v * v);
-        for part in M::SIZED {
+        let p = outputs(noise);
+        for part in M::sized(p) {
             let size = z[part.clone()].iter().map(|v| v * v).sum::<f64>() / part.len() as f64;
-            walk[part.clone()].fill(size.root());
+            walk[part].fill(size.root());
         }
-        walk[M::OFFSETS..M::OFFSETS + P].copy_from_slice(noise);
+        walk[M::OFFSETS..M::OFFSETS + p].copy_from_slice(&noise[..p]);
         let (nominal, noise, score) = (None, *noise, 1.0);
         Filter { z, P: found.P, nominal, noise, walk, cap, score, wild: 0.0, wild_rates: 0.0 }
     }

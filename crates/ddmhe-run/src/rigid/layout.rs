@@ -32,6 +32,11 @@ pub const fn output_cubic(p: usize) -> usize {
     GAIN + 3 * p
 }
 
+/// How many outputs p there are, of P that there is room for: the others have infinite noise.
+pub fn outputs<const P: usize>(noise: &[f64; P]) -> usize {
+    noise.iter().filter(|sd| sd.is_finite()).count()
+}
+
 /// How many unknowns there are with p outputs.
 pub const fn unknowns(p: usize) -> usize {
     GAIN + 3 * p + 1

@@ -74,8 +74,9 @@ pub trait Motion<const P: usize, const N: usize> {
 pub trait Family<const P: usize, const N: usize>: Motion<P, N> + Copy {
     /// Place of the P offsets of the outputs.
     const OFFSETS: usize;
-    /// Places of parameters that wander by a share of their common size.
-    const SIZED: &'static [Range<usize>];
+
+    /// Places of parameters that wander by a share of their common size, of p outputs.
+    fn sized(p: usize) -> impl Iterator<Item = Range<usize>>;
 
     /// How steps are made.
     fn steps_mut(&mut self) -> &mut Steps;

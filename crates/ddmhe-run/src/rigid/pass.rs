@@ -12,7 +12,8 @@ const OF_SAMPLE: usize = 12;
 /// Samples of a block whose mean residual is looked at.
 const BLOCK: usize = 10;
 
-/// What is fitted: a recording and the outputs since, NaN = not measured.
+/// What is fitted: a recording and the outputs since, NaN = not measured. Noise is infinite of outputs
+/// that there are none of.
 #[derive(Debug, Clone, Copy)]
 pub struct Data<'a, const P: usize, K = ()> {
     /// Recorded rates (T+1).

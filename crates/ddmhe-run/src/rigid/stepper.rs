@@ -2,6 +2,7 @@
 
 use crate::rigid::anchoring::{Anchoring, Optima};
 use crate::rigid::filter::{Innovation, Limits};
+use crate::rigid::layout::outputs;
 use crate::rigid::mixture::{Member, Mixture};
 use crate::rigid::motion::Family;
 use crate::rigid::pass::{Data, Units};
@@ -16,9 +17,9 @@ const SCHEDULE: ([f64; 7], f64, f64) = ([0.25, 0.35, 0.5, 0.7, 1.0, 1.4, 2.0], 1
 const HELD: (f64, f64) = (2.0, 0.5);
 /// The latest optimum of the leading motion is a start, too, up to so many of its lengths.
 const ALTERNATIVES: usize = 4;
-/// Samples of a fit that a step of [`Refit::Sliced`] takes in, with 1 to 6 outputs: some 20 µs on a
-/// PC.
-const SLICE: [usize; 6] = [43, 29, 20, 14, 10, 7];
+/// Samples of a fit that a step of [`Refit::Sliced`] takes in, with 1 to 6 outputs, 2 of them in room
+/// for 3, 4 and 5 in room for 6: some 20 µs on a PC.
+const SLICE: [usize; 6] = [43, 29, 20, 10, 8, 7];
 /// Samples that such a step replays.
 const REPLAYED: usize = 8;
 /// Lengths of the recording after which its first round of fits begins, and by what factor more time
@@ -246,7 +247,7 @@ impl<M: Family<P, N>, const P: usize, const N: usize> Stepper<M, P, N> {
                     (*fits, *calls, self.begun) = (newer, 0, self.t);
                 }
                 *calls += 1;
-                if fits.advance(data, slice(P), units)
+                if fits.advance(data, slice(outputs(&data.of_later)), units)
                     && let Some(Work::Fits(fits, _)) = self.work.take()
                 {
                     let next = fits.end() - data.y.len();
