@@ -27,8 +27,9 @@ use std::sync::MutexGuard;
 /// Parameters
 /// ----------
 /// history : History
-///     One recording of three rates (rad/s, about axes fixed in the body) and one to six outputs,
-///     of at least 100 samples, without inputs. One of other sizes is no body's: a DdMhe estimates.
+///     Three rates (rad/s, about axes fixed in the body) and one to six outputs, at least 100 samples,
+///     without inputs. Up to eight recordings of one body, each at a spin of its own: the run goes on
+///     from the end of the last. A history of other sizes is no body's: a DdMhe estimates.
 /// x_noise : float or array (3,), optional
 ///     Standard deviation of the noise on recorded rates; None: as fifth differences show.
 /// y_noise : float or array (p,), optional
@@ -46,10 +47,10 @@ use std::sync::MutexGuard;
 ///     and this noise.
 /// refit : "now" | "sliced" | "manual"
 ///     When the motion is fitted anew to recording and all outputs since, which is due .25, .35, .5,
-///     .7, 1, 1.4 and 2 lengths of the recording behind its end, and then each time that 1.15 times
-///     as much has passed, up to 32. "now": in the steps that it is due in, which take some 10 ms to
-///     some 100 ms. "sliced": a little with each step, while the filter goes on; fits then come later
-///     and are fewer, and errors larger. "manual": when refit is called.
+///     .7, 1, 1.4 and 2 lengths of the recording (of all together) behind its end, and then each time
+///     that 1.15 times as much has passed, up to 32. "now": in the steps that it is due in, which take
+///     some 10 ms to some 100 ms. "sliced": a little with each step, while the filter goes on; fits
+///     then come later and are fewer, and errors larger. "manual": when refit is called.
 /// optima : int
 ///     How many motions that may have made the data are followed at once, 1 to 4, each with its
 ///     probability: the estimate is their mean, and its covariance has how far they are apart. 1: the

@@ -21,7 +21,7 @@
 //!
 //! # A tour
 //! [`motion`] (samples, with their derivatives) ← [`body`] · [`pass`] (the cost of z over all data,
-//! and its [`factor`]) → [`fit`] (Levenberg and Marquardt) → [`posterior`] → [`filter`] (one sample,
+//! and its [`factor`]; `earlier` recordings' own unknowns are eliminated) → [`fit`] (Levenberg and Marquardt) → [`posterior`] → [`filter`] (one sample,
 //! from there on) → [`mixture`] (up to four of them) · [`anchoring`] (fits to all data since) →
 //! [`stepper`] (both together).
 //!
@@ -31,6 +31,7 @@
 
 pub mod anchoring;
 pub mod body;
+pub mod earlier;
 pub mod factor;
 pub mod filter;
 pub mod fit;
@@ -40,14 +41,17 @@ pub mod motion;
 pub mod pass;
 pub mod posterior;
 pub mod small;
+pub mod start;
 pub mod stepper;
 
 pub use anchoring::Anchoring;
 pub use body::Body;
+pub use earlier::{Earlier, Firsts};
 pub use filter::{Filter, Innovation, Limits};
 pub use fit::Fit;
 pub use mixture::{Member, Mixture};
 pub use motion::Motion;
 pub use pass::Data;
 pub use posterior::{Misfit, Posterior};
+pub use start::Start;
 pub use stepper::{Refit, Stepper};

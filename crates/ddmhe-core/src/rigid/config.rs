@@ -6,12 +6,14 @@ use crate::config_checks::check_box;
 use crate::error::Error;
 use crate::history::History;
 use ddmhe_run::rigid::anchoring::OPTIMA;
+use ddmhe_run::rigid::earlier::EARLIER;
 #[cfg(feature = "serde")]
 use serde::{Deserialize, Serialize};
 
 /// Most outputs.
 pub(crate) const OUTPUTS: usize = 6;
-/// Fewest outputs of a recording: ten blocks of ten, whose means say whether a fit explains it.
+/// Fewest outputs, of all recordings together: ten blocks of ten, whose means say whether a fit
+/// explains them.
 pub(crate) const SAMPLES: usize = 100;
 
 /// When the motion is fitted anew to recording and all outputs since.
@@ -76,8 +78,9 @@ impl RigidConfig {
             let found = format!("m = {}", history.m());
             return Err(Error::shape("history", "none of known inputs", found));
         }
-        if history.recordings() > 1 {
-            return Err(Error::shape("history", "one recording", history.recordings()));
+        if rates && history.recordings() > EARLIER + 1 {
+            let expected = format!("at most {} recordings", EARLIER + 1);
+            return Err(Error::shape("history", expected, history.recordings()));
         }
         if rates && history.T() < SAMPLES {
             let expected = format!("at least {SAMPLES} outputs");

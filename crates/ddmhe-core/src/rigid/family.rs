@@ -1,9 +1,9 @@
 //! Families of motions that are fitted to a recording: where their fits begin.
 
 use crate::rigid::recording::Recording;
-use ddmhe_run::rigid::Body;
 use ddmhe_run::rigid::layout::unknowns;
 use ddmhe_run::rigid::motion::Family;
+use ddmhe_run::rigid::{Body, Start};
 
 /// One of them.
 pub(crate) trait Fitted<const P: usize, const N: usize>:
@@ -16,8 +16,8 @@ pub(crate) trait Fitted<const P: usize, const N: usize>:
     /// From which starts it is fitted: without a cubic part, and with one.
     const STARTS: [&'static [usize]; 2];
 
-    /// A motion and where its fit begins.
-    fn start(recording: &Recording<P>, trial: usize, cubic: bool) -> (Self, [f64; N]);
+    /// Where its fit begins.
+    fn start(recording: &Recording<P>, trial: usize, cubic: bool) -> Start<Self, N>;
 }
 
 impl<const P: usize, const N: usize> Fitted<P, N> for Body<P, N> {
@@ -25,7 +25,7 @@ impl<const P: usize, const N: usize> Fitted<P, N> for Body<P, N> {
     const SIMULATED: bool = true;
     const STARTS: [&'static [usize]; 2] = [&[0, 1, 2, 3, 4], &[0]];
 
-    fn start(recording: &Recording<P>, trial: usize, cubic: bool) -> (Self, [f64; N]) {
+    fn start(recording: &Recording<P>, trial: usize, cubic: bool) -> Start<Self, N> {
         recording.body(trial, cubic)
     }
 }

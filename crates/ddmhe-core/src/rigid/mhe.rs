@@ -86,7 +86,8 @@ struct Snapshot {
 }
 
 impl RigidBodyMhe {
-    /// Fits the recording from several starts. `fallback`: what takes over; None: a [`DdMhe`] with
+    /// Fits the recording from several starts: one, or up to eight of one body, each at a spin of its
+    /// own, and the run goes on from the end of the last. `fallback`: what takes over; None: a [`DdMhe`] with
     /// its defaults, this box and this noise.
     ///
     /// # Errors
