@@ -54,9 +54,10 @@ def weights(cases):
     return 1 / np.maximum(noise, 1e-6 * np.array([rms, size, size]).T), rms, size
 
 
-def bound(of_x, of_y, cases, recorded):
+def bound(of_x, of_y, cases, recorded, earlier=None):
     """Deviations (N, B) in rad/s of |ω̂ - ω| after the recording (T samples) that outputs before it,
-    the recording and the prior allow.
+    the recording and the prior allow; and sensitivities `earlier` (x, y) of another recording that
+    ended before, of which nothing is known but that it is of the same body.
 
     R is the triangular factor of all whitened rows so far (square root of the information): a
     recording without noise has a condition of 1e12, which its square would not bear."""
@@ -65,6 +66,10 @@ def bound(of_x, of_y, cases, recorded):
     prior = [0 * one] * 3 + [one / 0.35] * 5 + [one] * 2 + [1 / (0.3 * W)] * 3
     prior += [W / (10 * size)] * GAINS
     R, found = np.transpose(prior)[:, :, None] * np.eye(MOVING + GAINS), []
+    for x, y in zip(*earlier, strict=True) if earlier else ():
+        rows = [R, y * weight[:, 1, None, None], x * weight[:, 0, None, None]]
+        R = np.linalg.qr(np.concatenate(rows, 1), mode="r")
+    R[:, :3] = 0  # its first rate is not that of the next recording: a flat prior
     for k, (x, y) in enumerate(zip(of_x, of_y, strict=True)):
         if k > recorded:
             root = np.linalg.solve(R.swapaxes(-1, -2), x.swapaxes(-1, -2))

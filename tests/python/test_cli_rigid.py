@@ -77,6 +77,26 @@ def test_a_log_elsewhere_is_refused(tumbling, tmp_path):
     assert "goes on where its recording ends" in done.stderr
 
 
+def test_earlier_recordings_are_of_the_same_body(tumbling, tmp_path):
+    """The log's own beginning is the last recording: there the run goes on."""
+    path, x, y = tumbling
+    out, T, cut = tmp_path / "e.npz", round(HISTORY / DT), 400
+    options = ["--history", HISTORY, "--estimator", "rigid-body", "--recording", f"{path}:40..55"]
+    done = in_here("estimate", path, *COLUMNS, *options, "--out", out)
+    assert done.returncode == 0, done.stderr
+    assert "a rigid body explains the data of 2 recordings" in done.stdout
+    earlier = ddmhe.History(x[cut : cut + 151], y[cut : cut + 150], dt=DT)
+    history = ddmhe.History.concat([earlier, ddmhe.History(x[: T + 1], y[:T], dt=DT)])
+    log = ddmhe.RigidBodyMhe(history).run(y[T:-1])
+    with np.load(out) as file:
+        found = np.column_stack([file[name] for name in ("wx", "wy", "wz")])
+    np.testing.assert_allclose(found, log.x, rtol=0, atol=1e-9)
+    done = in_here(
+        "design", path, *COLUMNS, *options[:2], *options[4:], "--json", "--out", tmp_path
+    )
+    assert "2 recordings" in json.loads(done.stdout)["rigid_body"]["words"][0]
+
+
 def test_design_says_whether_a_body_explains_the_recording(tumbling, tmp_path):
     done = in_here(
         "design", tumbling[0], *COLUMNS, "--history", HISTORY, "--out", tmp_path, "--json"

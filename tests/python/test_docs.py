@@ -54,12 +54,15 @@ def test_a_polynomial_is_used_as_the_docs_have_it():
 
 def test_a_rigid_body_is_found_as_the_docs_have_it():
     text = (ROOT / "docs" / "rigid-body.md").read_text(encoding="utf-8")
-    (block,) = re.findall(r"```python\n(.*?)```", text, re.DOTALL)
+    one, several = re.findall(r"```python\n(.*?)```", text, re.DOTALL)
     names = {}
-    exec(compile(block, "rigid-body.md", "exec"), names)
+    exec(compile(one, "rigid-body.md", "exec"), names)
     assert names["estimator"].explained
     assert set(names["log"].status) <= {"structured", "adapting"}
     assert "a rigid body explains" in names["words"][0]
+    exec(compile(several, "rigid-body.md", "exec"), names)
+    assert "of 2 recordings" in names["estimator"].report().words[0]
+    assert set(names["log"].status) <= {"structured", "adapting"}
 
 
 def test_the_paper_in_one_call_as_the_docs_have_it(capsys):

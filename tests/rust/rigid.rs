@@ -61,6 +61,38 @@ fn steps_with_slices_of_fits_allocate_nothing() {
 }
 
 #[test]
+fn steps_beside_fits_of_several_recordings_allocate_nothing() {
+    let (mut x, mut y) = tumbling(1200);
+    x.iter_mut().zip(noise(1, 3 * 1200, 1e-4)).for_each(|(v, e)| *v += e);
+    y.iter_mut().zip(noise(2, 3 * 1200, 1e-3)).for_each(|(v, e)| *v += e);
+    // each is of a body that has turned on meanwhile
+    let parts: Vec<History> = [0, 100, 200]
+        .map(|k| {
+            let (rates, outputs) = (&x[3 * k..3 * (k + 61)], &y[3 * k..3 * (k + 60)]);
+            History::new(3, 3, rates, outputs, DT).unwrap()
+        })
+        .to_vec();
+    let history = History::concat(&parts).unwrap();
+    let config = RigidConfig { refit: Refits::Sliced, ..RigidConfig::default() };
+    let mut mhe = RigidBodyMhe::new(&history, config, None).unwrap();
+    assert!(mhe.explained());
+    let before = mhe.report().unwrap();
+    assert!(before.words[0].contains("3 recordings"));
+    let later = &y[3 * 260..];
+    mhe.step(&later[..3]).unwrap();
+    let found = allocation_counter::measure(|| {
+        for y in later[3..].chunks_exact(3) {
+            mhe.step(y).unwrap();
+        }
+    });
+    assert_eq!(found.count_total, 0);
+    // fits of all recordings were made on the way
+    let after = mhe.report().unwrap();
+    assert!(after.evidence != before.evidence);
+    assert!(after.words[0].contains("3 recordings"));
+}
+
+#[test]
 fn slices_end_where_one_fit_would() {
     // after the last slice of a fit the filter stands where a fit at once would have let it go on
     let (mut sliced, _, y) = made(Refits::Sliced);

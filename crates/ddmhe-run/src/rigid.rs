@@ -20,8 +20,8 @@
 //! | R, q: stacked whitened Jacobian and residual | [`factor::Factor`] | N × N, N | |
 //!
 //! # A tour
-//! [`motion`] (samples, with their derivatives) ← [`body`], [`field`] (in a known field) · [`pass`] (the cost of z over all data,
-//! and its [`factor`]) → [`fit`] (Levenberg and Marquardt) → [`posterior`] → [`filter`] (one sample,
+//! [`motion`] (samples, with their derivatives) ← [`body`] · [`pass`] (the cost of z over all data,
+//! and its [`factor`]; `earlier` recordings' own unknowns are eliminated) → [`fit`] (Levenberg and Marquardt) → [`posterior`] → [`filter`] (one sample,
 //! from there on) → [`mixture`] (up to four of them) · [`anchoring`] (fits to all data since) →
 //! [`stepper`] (both together).
 //!
@@ -31,8 +31,8 @@
 
 pub mod anchoring;
 pub mod body;
+pub mod earlier;
 pub mod factor;
-pub mod field;
 pub mod filter;
 pub mod fit;
 pub mod layout;
@@ -41,15 +41,17 @@ pub mod motion;
 pub mod pass;
 pub mod posterior;
 pub mod small;
+pub mod start;
 pub mod stepper;
 
 pub use anchoring::Anchoring;
 pub use body::Body;
-pub use field::{Field, FieldBody};
+pub use earlier::{Earlier, Firsts};
 pub use filter::{Filter, Innovation, Limits};
 pub use fit::Fit;
 pub use mixture::{Member, Mixture};
 pub use motion::Motion;
 pub use pass::Data;
 pub use posterior::{Misfit, Posterior};
+pub use start::Start;
 pub use stepper::{Refit, Stepper};

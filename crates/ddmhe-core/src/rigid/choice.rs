@@ -6,7 +6,7 @@ use crate::rigid::family::Fitted;
 use crate::rigid::recording::Recording;
 use ddmhe_run::rigid::anchoring::{OPTIMA, Optima, other_offset};
 use ddmhe_run::rigid::posterior::{EULER, SAME};
-use ddmhe_run::rigid::{Fit, Motion, Posterior};
+use ddmhe_run::rigid::{Fit, Motion, Posterior, Start};
 
 /// Steps of a fit, and of one with blurred noise.
 const STEPS: (usize, usize) = (100, 20);
@@ -31,8 +31,8 @@ pub(crate) struct Choice<M, const N: usize> {
 /// there is hardly any. Between two fits a body is expressed about its own unseen direction.
 fn annealed<const P: usize, const N: usize, M: Motion<P, N> + Clone>(
     (recording, known): (&Recording<P>, &[M::Known]),
-    (mut motion, mut z): (M, [f64; N]),
-    rebased: impl Fn(&M, &[f64; N]) -> (M, [f64; N]),
+    mut start: Start<M, N>,
+    rebased: impl Fn(Start<M, N>) -> Start<M, N>,
 ) -> Option<Posterior<M, N>> {
     let mut before = None;
     for decade in 1..=DECADES {
@@ -40,13 +40,13 @@ fn annealed<const P: usize, const N: usize, M: Motion<P, N> + Clone>(
         let data = recording.data(known, blur);
         let last = data.of_x == recording.of_x && data.of_y == recording.of_y;
         let steps = if last { STEPS.0 } else { STEPS.1 };
-        let Some(found) = Fit::new(&motion, &z, data.y.len(), steps).finish(&data) else {
+        let Some(found) = Fit::new(&start, data.y.len(), steps).finish(&data) else {
             return before;
         };
         if last {
             return Some(found);
         }
-        (motion, z) = rebased(&found.motion, &found.z);
+        start = rebased(found.start());
         before = Some(found);
     }
     before
@@ -55,11 +55,10 @@ fn annealed<const P: usize, const N: usize, M: Motion<P, N> + Clone>(
 /// A fit to the recording.
 fn fit<const P: usize, const N: usize, M: Motion<P, N> + Clone>(
     (recording, known): (&Recording<P>, &[M::Known]),
-    motion: &M,
-    z: &[f64; N],
+    start: &Start<M, N>,
 ) -> Option<Posterior<M, N>> {
     let data = recording.data(known, 0.0);
-    Fit::new(motion, z, data.y.len(), STEPS.0).finish(&data)
+    Fit::new(start, data.y.len(), STEPS.0).finish(&data)
 }
 
 /// The distinct optima of one family, the best first.
@@ -69,16 +68,16 @@ fn optima<M: Fitted<P, N>, const P: usize, const N: usize>(
 ) -> Vec<Posterior<M, N>> {
     let mut found: Vec<Posterior<M, N>> = Vec::new();
     for trial in M::STARTS[usize::from(cubic)] {
-        let start = M::start(of.0, of.1, *trial, cubic);
-        let own = annealed(of, start, |motion: &M, z| motion.rebased(z));
+        let start = M::start(of.0, *trial, cubic);
+        let own = annealed(of, start, |start: Start<M, N>| start.rebased());
         let new = own.filter(|own| !found.iter().any(|f| (f.cost - own.cost).abs() < SAME));
         found.extend(new);
     }
     found.sort_by(|a, b| a.cost.total_cmp(&b.cost));
     let euler = found.first().filter(|_| M::SIMULATED).and_then(|best| {
-        let mut body = best.motion;
-        body.steps_mut().substeps = 0;
-        fit(of, &body, &best.z)
+        let mut start = best.start();
+        start.motion.steps_mut().substeps = 0;
+        fit(of, &start)
     });
     match euler {
         Some(euler) if euler.cost < found[0].cost - EULER => found.insert(0, euler),
@@ -93,8 +92,8 @@ fn settled<M: Fitted<P, N>, const P: usize, const N: usize>(
     found: Posterior<M, N>,
 ) -> Posterior<M, N> {
     let wide = ddmhe_run::rigid::anchoring::OFFSET * of.0.size;
-    let (body, z) = other_offset(&found, &of.0.of_later, wide);
-    fit(of, &body, &z).filter(|other| other.evidence > found.evidence).unwrap_or(found)
+    let start = other_offset(&found, &of.0.of_later, wide);
+    fit(of, &start).filter(|other| other.evidence > found.evidence).unwrap_or(found)
 }
 
 /// How well a fit describes the recording for its number of unknowns.
@@ -143,7 +142,7 @@ impl<M, const N: usize> Choice<M, N> {
         let closest = tried.iter().rev().max_by(|a, b| of_body(a).total_cmp(&of_body(b))).copied();
         let of_affine = (recording, Affine::<P, NA>::EVERYWHERE);
         let affine: Option<Posterior<Affine<P, NA>, NA>> =
-            annealed(of_affine, recording.affine(), |motion: &Affine<P, NA>, z| (*motion, *z));
+            annealed(of_affine, recording.affine(), |start| start);
         let of_affine = affine.map(|f| rating(&f, samples, affine_unknowns(recording.p)));
         let none = [const { None }; OPTIMA];
         let Some(best) = closest.filter(|f| of_affine.is_none_or(|other| other <= of_body(f)))
@@ -154,7 +153,7 @@ impl<M, const N: usize> Choice<M, N> {
         let mut data = recording.data(known, 0.0);
         data.of_x = data.of_x.map(|v| v * up[0]);
         data.of_y = data.of_y.map(|v| v * up[1]);
-        let wider = Fit::new(&best.motion, &best.z, data.y.len(), STEPS.0).finish(&data);
+        let wider = Fit::new(&best.start(), data.y.len(), STEPS.0).finish(&data);
         let mut optima = none;
         optima[0] = Some(wider.unwrap_or(best));
         Choice { optima, explained: false, inflation: up[1], closest }

@@ -1,4 +1,4 @@
-//! What the fits are made of: one recording with p outputs, its noise, and where they begin. In types
+//! What the fits are made of: recordings with p outputs, their noise, and where fits begin. In types
 //! with room for more the other outputs are never measured, and their unknowns have a prior alone.
 
 use crate::error::Error;
@@ -8,7 +8,7 @@ use crate::rigid::config::RigidConfig;
 use crate::variation::{least_squares, noise_levels};
 use ddmhe_run::rigid::layout::{DRAG, DRAG_CUBIC, GAIN, INERTIA, TILT, offset, output_cubic};
 use ddmhe_run::rigid::motion::Steps;
-use ddmhe_run::rigid::{Body, Data};
+use ddmhe_run::rigid::{Body, Data, Earlier, Firsts, Start};
 use faer::Mat;
 
 /// Largest angle that a substep turns by (rad).
@@ -17,14 +17,9 @@ const TURN: f64 = 0.08;
 const RUNS_AWAY: f64 = 30.0;
 /// Least noise, relative to a signal's size: it stands in for a recording without any.
 const LEAST_NOISE: f64 = 1e-6;
-/// Prior standard deviation of j.
-pub(crate) const INERTIAS: f64 = 0.35;
-/// Of r, in units of the size of y.
-pub(crate) const OFFSETS: f64 = 0.1;
-/// Of γ.
-pub(crate) const GAMMA: f64 = 0.5;
-/// Of β; of S, in units of W; of G and C, of (size of y)/W.
-const SPREAD: [f64; 3] = [1.0, 0.3, 10.0];
+/// Prior standard deviations: of j; of β; of S, in units of W; of G and C, of (size of y)/W; of r, of
+/// the size of y; of γ.
+const SPREAD: [f64; 6] = [0.35, 1.0, 0.3, 10.0, 0.1, 0.5];
 /// Two draws of j from a standard normal distribution, from which fits begin, too.
 const DRAWS: [[f64; 5]; 2] = [
     [
@@ -43,19 +38,22 @@ const DRAWS: [[f64; 5]; 2] = [
     ],
 ];
 
-/// One recording.
+/// One recording, or several of one body, the last of which the run goes on from.
 #[derive(Debug, Clone)]
 pub(crate) struct Recording<const P: usize> {
     /// How many outputs there are.
     pub p: usize,
+    /// Rates and outputs of all, one recording after the other.
     pub x: Vec<[f64; 3]>,
     pub y: Vec<[f64; P]>,
-    pub dt: f64,
+    /// Number of outputs of each before the last.
+    lengths: Vec<usize>,
     /// Root-mean-square rate W, and size of the outputs.
     pub W: f64,
     pub size: f64,
-    /// Largest recorded |ω|.
+    /// Largest |ω| of the last recording: the energy that the run begins with is no more.
     pub fastest: f64,
+    steps: Steps,
     pub of_x: [f64; 3],
     pub of_y: [f64; P],
     pub of_later: [f64; P],
@@ -67,15 +65,18 @@ pub(crate) struct Recording<const P: usize> {
 }
 
 impl<const P: usize> Recording<P> {
-    /// Of a checked recording of three rates and at most P outputs.
+    /// Of a checked history of three rates and at most P outputs.
     pub fn new(history: &History, config: &RigidConfig) -> Result<Self, Error> {
-        let (p, x, outputs) = (history.p(), history.states(0), history.outputs(0));
-        let x = x.as_chunks::<3>().0.to_vec();
-        let y: Vec<[f64; P]> = outputs.chunks_exact(p).map(widened).collect();
-        let squares: Vec<f64> = x.iter().map(|w| w.iter().map(|v| v * v).sum()).collect();
-        let W = (squares.iter().sum::<f64>() / x.len() as f64).sqrt();
-        let fastest = squares.iter().copied().fold(0.0, f64::max).sqrt();
-        let size = (outputs.iter().map(|v| v * v).sum::<f64>() / outputs.len() as f64).sqrt();
+        let (p, all) = (history.p(), || 0..history.recordings());
+        let rates = |i: usize| history.states(i).as_chunks::<3>().0;
+        let outputs = |i: usize| history.outputs(i).chunks_exact(p).map(widened);
+        let x: Vec<_> = all().flat_map(rates).copied().collect();
+        let y: Vec<[f64; P]> = all().flat_map(outputs).collect();
+        let lengths: Vec<_> = all().skip(1).map(|i| outputs(i - 1).len()).collect();
+        let W = turn(&x);
+        let own = fastest(rates(lengths.len()));
+        let squares = all().flat_map(|i| history.outputs(i)).map(|v| v * v);
+        let size = (squares.sum::<f64>() / (p * y.len()) as f64).sqrt();
         for (argument, size) in [("x", W), ("y", size)] {
             if !(size.is_finite() && size > 0.0) {
                 return Err(Error::value(argument, "a body that turns", "nothing but zeros"));
@@ -89,25 +90,29 @@ impl<const P: usize> Recording<P> {
         fill(&mut of_later[..p], config.output_noise.as_deref(), &of_y, LEAST_NOISE * size);
         let mut of_rates = [0.0; 3];
         fill(&mut of_rates, config.rate_noise.as_deref(), &of_x, LEAST_NOISE * W);
-        let (dt, T) = (history.dt(), y.len());
-        let regressors = Mat::from_fn(T, 4, |k, i| if i < 3 { x[k][i] } else { 1.0 });
-        let outputs = Mat::from_fn(T, p, |k, i| y[k][i]);
-        let rates = Mat::from_fn(T, 3, |k, i| (x[k + 1][i] - x[k][i]) / dt);
-        let seen = least_squares(&regressors, &outputs, 0.0).transpose().to_owned();
-        let moved = least_squares(&regressors, &rates, 0.0).transpose().to_owned();
-        let mut x = x;
-        if config.field.as_ref().is_some_and(|field| field.count() == T) {
-            x.truncate(T); // what leads to the last rate is not known
-        }
+        let dt = history.dt();
+        let pairs = |i: usize| rates(i).windows(2).map(|pair| (pair[0], pair[1]));
+        let pairs: Vec<_> = all().flat_map(pairs).collect(); // as many as there are outputs
+        let T = pairs.len();
+        let regressors = Mat::from_fn(T, 4, |k, i| if i < 3 { pairs[k].0[i] } else { 1.0 });
+        let shown = Mat::from_fn(T, p, |k, i| y[k][i]);
+        let change = Mat::from_fn(T, 3, |k, i| (pairs[k].1[i] - pairs[k].0[i]) / dt);
+        let seen = least_squares(&regressors, &shown, 0.0).transpose().to_owned();
+        let moved = least_squares(&regressors, &change, 0.0).transpose().to_owned();
         let known = config.x_noise.is_some() && config.y_noise.is_some();
+        let (quickest, limit) = all().map(rates).fold((0.0, 0.0), |(most, limit), x| {
+            (f64::max(most, fastest(x)), f64::max(limit, RUNS_AWAY * turn(x)))
+        });
+        let substeps = (dt * quickest / TURN).ceil().max(1.0) as usize;
         Ok(Recording {
             p,
             x,
             y,
-            dt,
+            lengths,
             W,
             size,
-            fastest,
+            fastest: own,
+            steps: Steps { dt, substeps, limit },
             of_x,
             of_y,
             of_later,
@@ -118,12 +123,33 @@ impl<const P: usize> Recording<P> {
         })
     }
 
-    /// The recording alone with what is known of its samples, its noise at least so many times its
-    /// signals.
+    /// Rates and outputs of the last recording.
+    fn last(&self) -> (&[[f64; 3]], &[[f64; P]]) {
+        let before: usize = self.lengths.iter().sum();
+        (&self.x[before + self.lengths.len()..], &self.y[before..])
+    }
+
+    /// The recordings before it.
+    fn earlier(&self) -> Earlier<'_, P> {
+        let before = self.y.len() - self.last().1.len();
+        let x = &self.x[..before + self.lengths.len()];
+        Earlier { x, y: &self.y[..before], lengths: &self.lengths }
+    }
+
+    /// Their first rates, as they were recorded.
+    fn firsts(&self) -> Firsts {
+        let earlier = self.earlier();
+        Firsts::of((0..self.lengths.len()).filter_map(|i| earlier.part(i)).map(|(x, _)| x[0]))
+    }
+
+    /// The recordings alone with what is known of their samples, their noise at least so many times
+    /// their signals.
     pub fn data<'a, K>(&'a self, known: &'a [K], blurred: f64) -> Data<'a, P, K> {
+        let (x, y) = self.last();
         Data {
-            x: &self.x,
-            y: &self.y,
+            earlier: self.earlier(),
+            x,
+            y,
             later: &[],
             rates: &[],
             known,
@@ -136,35 +162,38 @@ impl<const P: usize> Recording<P> {
 
     /// Runge and Kutta's rule, in substeps.
     pub fn steps(&self) -> Steps {
-        let substeps = (self.dt * self.fastest / TURN).ceil().max(1.0) as usize;
-        Steps { dt: self.dt, substeps, limit: RUNS_AWAY * self.W }
+        self.steps
     }
 
     /// A body and where its fit begins: the unseen direction is one that the least-squares C shows
     /// little of, J the sphere's or drawn.
-    pub fn body<const N: usize>(&self, trial: usize, cubic: bool) -> (Body<P, N>, [f64; N]) {
+    pub fn body<const N: usize>(&self, trial: usize, cubic: bool) -> Start<Body<P, N>, N> {
         let C = self.seen.as_ref().subcols(0, 3);
         let b0 = self.little_seen(trial % 4);
         let N0 = complement(&b0);
         let (p, W, size) = (self.p, self.W, self.size);
-        let [beta, S, G] = SPREAD;
+        let [j, beta, S, G, r, gamma] = SPREAD;
         let mut spread = [1.0; N];
-        spread[INERTIA..TILT].fill(INERTIAS);
+        spread[INERTIA..TILT].fill(j);
         spread[TILT..DRAG].fill(beta);
         spread[DRAG..DRAG_CUBIC].fill(S * W);
-        spread[DRAG_CUBIC] = GAMMA;
+        spread[DRAG_CUBIC] = gamma;
         spread[GAIN..GAIN + 2 * p].fill(G * size / W);
-        spread[offset(P)..offset(P) + p].fill(OFFSETS * size);
-        spread[output_cubic(P)] = GAMMA;
+        spread[offset(P)..offset(P) + p].fill(r * size);
+        spread[output_cubic(P)] = gamma;
         let mut z = [0.0; N];
-        z[..3].copy_from_slice(&self.x[0]);
-        z[INERTIA..TILT].copy_from_slice(&drawn(trial));
+        z[..3].copy_from_slice(&self.last().0[0]);
+        if trial == 2 || trial == 4 {
+            let draw = &DRAWS[trial / 2 - 1];
+            z[INERTIA..TILT].iter_mut().zip(draw).for_each(|(z, v)| *z = j * v);
+        }
         for i in 0..p {
             for k in 0..2 {
                 z[GAIN + 2 * i + k] = (0..3).map(|l| C[(i, l)] * N0[l][k]).sum();
             }
         }
-        (Body { b0, N0, W, steps: self.steps(), cubic, spread }, z)
+        let motion = Body { b0, N0, W, steps: self.steps(), cubic, spread };
+        Start { motion, z, firsts: self.firsts() }
     }
 
     /// Of C's right singular vectors the last, the second, and the two between them.
@@ -179,9 +208,9 @@ impl<const P: usize> Recording<P> {
     }
 
     /// The affine motion and where its fit begins.
-    pub fn affine<const N: usize>(&self) -> (Affine<P, N>, [f64; N]) {
+    pub fn affine<const N: usize>(&self) -> Start<Affine<P, N>, N> {
         let (mut spread, mut z) = ([1.0; N], [0.0; N]);
-        z[..3].copy_from_slice(&self.x[0]);
+        z[..3].copy_from_slice(&self.last().0[0]);
         for i in 0..3 {
             for k in 0..4 {
                 z[3 + 4 * i + k] = self.moved[(i, k)];
@@ -193,9 +222,10 @@ impl<const P: usize> Recording<P> {
             (0..3).for_each(|k| z[gains + 3 * i + k] = self.seen[(i, k)]);
             z[offsets + i] = self.seen[(i, 3)];
         }
-        spread[gains..gains + 3 * self.p].fill(SPREAD[2] * self.size / self.W);
+        spread[gains..gains + 3 * self.p].fill(SPREAD[3] * self.size / self.W);
         spread[offsets..offsets + self.p].fill(self.size);
-        (Affine { steps: self.steps(), spread }, z)
+        let motion = Affine { steps: self.steps(), spread };
+        Start { motion, z, firsts: self.firsts() }
     }
 }
 
@@ -206,12 +236,18 @@ pub(crate) fn widened<const P: usize>(y: &[f64]) -> [f64; P] {
     wide
 }
 
-/// j where the fit of a trial begins: the sphere's, or drawn.
-pub(crate) fn drawn(trial: usize) -> [f64; 5] {
-    match trial {
-        2 | 4 => DRAWS[trial / 2 - 1].map(|v| INERTIAS * v),
-        _ => [0.0; 5],
-    }
+/// Largest |ω|.
+fn fastest(x: &[[f64; 3]]) -> f64 {
+    x.iter().map(squared).fold(0.0, f64::max).sqrt()
+}
+
+/// Root-mean-square |ω|.
+fn turn(x: &[[f64; 3]]) -> f64 {
+    (x.iter().map(squared).sum::<f64>() / x.len() as f64).sqrt()
+}
+
+fn squared(w: &[f64; 3]) -> f64 {
+    w.iter().map(|v| v * v).sum()
 }
 
 /// What was stated of each channel, else what was recorded; at least so much.

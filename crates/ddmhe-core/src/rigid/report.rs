@@ -36,8 +36,7 @@ pub struct Report {
     pub inertia: [[f64; 3]; 3],
     /// Standard deviations of its entries.
     pub inertia_std: [[f64; 3]; 3],
-    /// The direction about which a turn shows in no output and is not braked, of length 1; NaN in a
-    /// known field, which moves: none stays so.
+    /// The direction about which a turn shows in no output and is not braked, of length 1.
     pub unseen: [f64; 3],
     /// All of it in sentences.
     pub words: Vec<String>,
@@ -82,42 +81,43 @@ impl Report {
             unseen: best.motion.unseen(z).unwrap_or([f64::NAN; 3]),
             words: Vec::new(),
         };
-        report.words = report.sentences(best.misfit.explained(known), best.motion.is_cubic());
+        let recordings = best.firsts.rates().len() + 1;
+        report.words =
+            report.sentences(best.misfit.explained(known), best.motion.is_cubic(), recordings);
         report
     }
 
-    fn sentences(&self, explained: bool, cubic: bool) -> Vec<String> {
+    fn sentences(&self, explained: bool, cubic: bool, recordings: usize) -> Vec<String> {
         let parts = ["rates", "outputs", "rates over ten samples", "outputs over ten samples"];
         let above = (0..4).filter(|&i| self.chi[i] >= self.limits[i]);
         let above: Vec<String> = above
             .map(|i| format!("{} {:.2} (limit {:.2})", parts[i], self.chi[i], self.limits[i]))
             .collect();
         let body = if cubic { "a rigid body with cubic drag" } else { "a rigid body" };
+        let data = match recordings {
+            1 => "the data".into(),
+            several => format!("the data of {several} recordings"),
+        };
         let first = match explained {
             true => format!(
-                "{body} explains the data: residuals are {:.2} (rates) and {:.2} (outputs) times \
+                "{body} explains {data}: residuals are {:.2} (rates) and {:.2} (outputs) times \
                  their noise, squared",
                 self.chi[0], self.chi[1]
             ),
             false => format!(
-                "no rigid body explains the data; the nearest leaves, squared and in units of \
+                "no rigid body explains {data}; the nearest leaves, squared and in units of \
                  their noise: {}",
                 above.join(", ")
             ),
         };
         let [x, y, z] = self.unseen;
-        let second = match x.is_nan() {
-            true => {
-                "what shows in no output changes with the field, as B does: no direction stays \
-                     unseen while it turns"
-                    .into()
-            }
-            false => format!(
+        vec![
+            first,
+            format!(
                 "a turn about ({x:.3}, {y:.3}, {z:.3}) shows in no output: nothing can tell an \
                  error along it but the motion, if the body is rigid"
             ),
-        };
-        vec![first, second]
+        ]
     }
 }
 

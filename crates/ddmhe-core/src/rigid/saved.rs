@@ -6,7 +6,8 @@ use ddmhe_run::rigid::anchoring::OPTIMA;
 use ddmhe_run::rigid::motion::{Family, Steps};
 use ddmhe_run::rigid::pass::Units;
 use ddmhe_run::rigid::stepper::{Work, slice};
-use ddmhe_run::rigid::{Anchoring, Data, Member, Misfit, Mixture, Posterior, Stepper};
+use ddmhe_run::rigid::{Anchoring, Data, Firsts, Member, Misfit, Mixture, Posterior};
+use ddmhe_run::rigid::{Start, Stepper};
 use serde::{Deserialize, Serialize};
 
 /// What changes from step to step.
@@ -17,8 +18,6 @@ pub(crate) struct Saved {
     t: usize,
     later: Vec<f64>,
     rates: Vec<f64>,
-    /// Of later samples, then of the last two.
-    pub known: Vec<f64>,
     fits: usize,
     begun: usize,
     unexplained: bool,
@@ -43,14 +42,12 @@ impl Saved {
         stepper: Option<&Stepper<M, P, N>>,
         later: &[[f64; P]],
         rates: &[[f64; 3]],
-        known: Vec<f64>,
     ) -> Self {
         let Some(stepper) = stepper else { return Saved::default() };
         let work = match &stepper.work {
             None => SavedWork::None,
             Some(Work::Fits(fits, calls)) => {
-                let starts = fits.starts().map(|(body, z)| [of_body(body), z.to_vec()].concat());
-                let (starts, end) = (starts.collect(), fits.end());
+                let (starts, end) = (fits.starts().map(of_start).collect(), fits.end());
                 SavedWork::Fits(starts, end, *calls, fits.settles())
             }
             Some(Work::Replay(mixture, next)) => {
@@ -62,7 +59,6 @@ impl Saved {
             t: stepper.t,
             later: later.as_flattened().to_vec(),
             rates: rates.as_flattened().to_vec(),
-            known,
             fits: stepper.fits,
             begun: stepper.begun,
             unexplained: stepper.unexplained,
@@ -129,13 +125,9 @@ impl Saved {
                 if starts.len() > OPTIMA + 1 || !all.contains(end) || *calls > stepper.t {
                     return Err(wrong());
                 }
-                let base = stepper.leading().ok_or_else(wrong)?.found.motion;
-                let mut read = Vec::new();
-                for numbers in starts {
-                    let mut from = Reader(numbers);
-                    let body = read_body(&base, steps, &mut from).ok_or_else(wrong)?;
-                    read.push((body, from.take().ok_or_else(wrong)?));
-                }
+                let base = &stepper.leading().ok_or_else(wrong)?.found;
+                let read = starts.iter().map(|start| read_start(base, steps, &mut Reader(start)));
+                let read: Vec<_> = read.collect::<Option<_>>().ok_or_else(wrong)?;
                 let settings = (stepper.size, stepper.known, *settles);
                 let fits = Anchoring::new(read.into_iter(), *end, settings);
                 let mut fits = fits.ok_or_else(wrong)?;
@@ -156,7 +148,7 @@ impl Saved {
     }
 }
 
-pub(crate) fn wrong() -> Error {
+fn wrong() -> Error {
     Error::value("blob", "an estimator of a rigid body", "numbers of none")
 }
 
@@ -187,7 +179,7 @@ fn read_member<M: Family<P, N>, const P: usize, const N: usize>(
 ) -> Option<Member<M, P, N>> {
     let leading = stepper.leading()?;
     let mut from = Reader(numbers);
-    let found = posterior(&leading.found.motion, steps, &mut from)?;
+    let found = posterior(&leading.found, steps, &mut from)?;
     let mut member = Member::new(&found, &leading.filter.noise);
     let filter = &mut member.filter;
     from.fill(&mut filter.z)?;
@@ -238,23 +230,41 @@ fn read_body<M: Family<P, N>, const P: usize, const N: usize>(
     Some(motion)
 }
 
+/// A motion, (ω, θ), and the first rates of earlier recordings.
+fn of_start<M: Family<P, N>, const P: usize, const N: usize>(start: &Start<M, N>) -> Vec<f64> {
+    let Start { motion, z, firsts } = start;
+    [&of_body(motion)[..], z, firsts.rates().as_flattened()].concat()
+}
+
+/// One with as many earlier recordings as another.
+fn read_start<M: Family<P, N>, const P: usize, const N: usize>(
+    base: &Posterior<M, N>,
+    steps: Steps,
+    from: &mut Reader<'_>,
+) -> Option<Start<M, N>> {
+    let (motion, z) = (read_body(&base.motion, steps, from)?, from.take()?);
+    let mut firsts = base.firsts.rates().to_vec();
+    from.fill(firsts.as_flattened_mut())?;
+    Some(Start { motion, z, firsts: Firsts::of(firsts.into_iter()) })
+}
+
 fn numbers<M: Family<P, N>, const P: usize, const N: usize>(of: &Posterior<M, N>) -> Vec<f64> {
-    let Posterior { motion, z, w, P: covariance, cost, evidence, misfit } = of;
+    let Posterior { w, P: covariance, cost, evidence, misfit, .. } = of;
     let size = [*cost, *evidence];
-    let rest = [&z[..], w, covariance.as_flattened(), &size, &misfit.chi, &misfit.terms];
-    [of_body(motion), rest.concat()].concat()
+    let rest = [&w[..], covariance.as_flattened(), &size, &misfit.chi, &misfit.terms];
+    [of_start(&of.start()), rest.concat()].concat()
 }
 
 fn posterior<M: Family<P, N>, const P: usize, const N: usize>(
-    base: &M,
+    base: &Posterior<M, N>,
     steps: Steps,
     from: &mut Reader<'_>,
 ) -> Option<Posterior<M, N>> {
-    let motion = read_body(base, steps, from)?;
-    let (z, w) = (from.take()?, from.take()?);
+    let Start { motion, z, firsts } = read_start(base, steps, from)?;
+    let w = from.take()?;
     let mut covariance = [[0.0; N]; N];
     from.fill(covariance.as_flattened_mut())?;
     let [cost, evidence] = from.take()?;
     let misfit = Misfit { chi: from.take()?, terms: from.take()? };
-    Some(Posterior { motion, z, w, P: covariance, cost, evidence, misfit })
+    Some(Posterior { motion, z, firsts, w, P: covariance, cost, evidence, misfit })
 }

@@ -5,6 +5,7 @@ use crate::rigid::layout::outputs;
 use crate::rigid::motion::Family;
 use crate::rigid::pass::{Data, Units};
 use crate::rigid::posterior::{EULER, Posterior};
+use crate::rigid::start::Start;
 
 /// Optima that are kept.
 pub const OPTIMA: usize = 4;
@@ -34,7 +35,7 @@ enum Stage {
 /// Fits as far as they have come.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Anchoring<M, const P: usize, const N: usize> {
-    starts: [Option<(M, [f64; N])>; OPTIMA + 1],
+    starts: [Option<Start<M, N>>; OPTIMA + 1],
     found: [Option<Posterior<M, N>>; OPTIMA + 1],
     fit: Fit<M, P, N>,
     stage: Stage,
@@ -49,15 +50,14 @@ pub struct Anchoring<M, const P: usize, const N: usize> {
 impl<M: Family<P, N>, const P: usize, const N: usize> Anchoring<M, P, N> {
     /// Of the outputs before number `end`, from up to five starts.
     pub fn new(
-        starts: impl Iterator<Item = (M, [f64; N])>,
+        starts: impl Iterator<Item = Start<M, N>>,
         end: usize,
         (size, known, settles): (f64, bool, bool),
     ) -> Option<Self> {
         let mut own = [const { None }; OPTIMA + 1];
         own.iter_mut().zip(starts).for_each(|(own, start)| *own = Some(start));
-        let (body, z) = own[0]?;
         Some(Anchoring {
-            fit: Fit::new(&body, &z, end, STEPS),
+            fit: Fit::new(own[0].as_ref()?, end, STEPS),
             starts: own,
             found: [const { None }; OPTIMA + 1],
             stage: Stage::Starts(0),
@@ -68,7 +68,7 @@ impl<M: Family<P, N>, const P: usize, const N: usize> Anchoring<M, P, N> {
     }
 
     /// Where the fits begin.
-    pub fn starts(&self) -> impl Iterator<Item = &(M, [f64; N])> {
+    pub fn starts(&self) -> impl Iterator<Item = &Start<M, N>> {
         self.starts.iter().flatten()
     }
 
@@ -85,8 +85,8 @@ impl<M: Family<P, N>, const P: usize, const N: usize> Anchoring<M, P, N> {
     /// The same with the outputs before `end`, from where each fit has come to.
     pub fn anew(&self, end: usize) -> Option<Self> {
         let Stage::Starts(now) = self.stage else { return None };
-        let fitted = self.found.iter().flatten().map(|f| f.motion.rebased(&f.z));
-        let current = self.fit.best().map(|(body, z)| body.rebased(z));
+        let fitted = self.found.iter().flatten().map(|f| f.start().rebased());
+        let current = self.fit.best().map(|best| best.rebased());
         let rest = self.starts.iter().skip(now + 1).flatten().copied();
         let starts = fitted.chain(current).chain(rest).take(OPTIMA + 1);
         Anchoring::new(starts, end, (self.size, self.known, self.settles))
@@ -121,8 +121,8 @@ impl<M: Family<P, N>, const P: usize, const N: usize> Anchoring<M, P, N> {
             Stage::Starts(i) => {
                 self.keep(found);
                 let next = i + 1;
-                if let Some((body, z)) = self.starts.get(next).copied().flatten() {
-                    (self.stage, self.fit) = (Stage::Starts(next), self.of(&body, &z));
+                if let Some(start) = self.starts.get(next).copied().flatten() {
+                    (self.stage, self.fit) = (Stage::Starts(next), self.of(&start));
                     return;
                 }
                 self.found.sort_unstable_by(|a, b| rank(a).total_cmp(&rank(b)));
@@ -159,8 +159,8 @@ impl<M: Family<P, N>, const P: usize, const N: usize> Anchoring<M, P, N> {
     fn judge(&mut self, data: &Data<'_, P, M::Known>) {
         match &self.found[0] {
             Some(best) if !best.misfit.explained(self.known) && !best.motion.is_cubic() => {
-                let body = best.motion.with_cubic(true);
-                (self.stage, self.fit) = (Stage::Cubic, self.of(&body, &best.z.clone()));
+                let start = Start { motion: best.motion.with_cubic(true), ..best.start() };
+                (self.stage, self.fit) = (Stage::Cubic, self.of(&start));
             }
             _ => self.settle(data),
         }
@@ -170,15 +170,15 @@ impl<M: Family<P, N>, const P: usize, const N: usize> Anchoring<M, P, N> {
     fn settle(&mut self, data: &Data<'_, P, M::Known>) {
         match &self.found[0] {
             Some(best) if self.settles && best.misfit.explained(self.known) => {
-                let (body, z) = other_offset(best, &data.of_later, OFFSET * self.size);
-                (self.stage, self.fit) = (Stage::Offset, self.of(&body, &z));
+                let start = other_offset(best, &data.of_later, OFFSET * self.size);
+                (self.stage, self.fit) = (Stage::Offset, self.of(&start));
             }
             _ => self.stage = Stage::Ended,
         }
     }
 
-    fn of(&self, body: &M, z: &[f64; N]) -> Fit<M, P, N> {
-        Fit::new(body, z, self.fit.end(), STEPS)
+    fn of(&self, start: &Start<M, N>) -> Fit<M, P, N> {
+        Fit::new(start, self.fit.end(), STEPS)
     }
 }
 
@@ -190,19 +190,20 @@ fn rank<M: Family<P, N>, const P: usize, const N: usize>(found: &Option<Posterio
     f.cost + 2.0 * priors + euler
 }
 
-/// A body and where to begin its fit, with the other prior on offsets: free to `wide`, or none.
+/// Where a fit with the other prior on offsets begins: free to `wide`, or none.
 pub fn other_offset<M: Family<P, N>, const P: usize, const N: usize>(
     found: &Posterior<M, N>,
     noise: &[f64; P],
     wide: f64,
-) -> (M, [f64; N]) {
-    let (mut body, mut z) = (found.motion, found.z);
-    let free = body.has_offset(noise);
-    for i in 0..outputs(noise) {
-        body.spread_mut()[M::OFFSETS + i] = if free { OFFSET * noise[i] } else { wide };
-        if free {
-            z[M::OFFSETS + i] = 0.0;
-        }
+) -> Start<M, N> {
+    let (mut start, p) = (found.start(), outputs(noise));
+    let free = start.motion.has_offset(noise);
+    let spread = &mut start.motion.spread_mut()[M::OFFSETS..];
+    for (own, noise) in spread.iter_mut().zip(&noise[..p]) {
+        *own = if free { OFFSET * noise } else { wide };
     }
-    (body, z)
+    if free {
+        start.z[M::OFFSETS..M::OFFSETS + p].fill(0.0);
+    }
+    start
 }

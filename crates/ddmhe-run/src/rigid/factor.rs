@@ -49,25 +49,30 @@ impl<const N: usize> Factor<N> {
         }
     }
 
-    /// argmin ‖R d - q‖² + λ ‖diag(lengths of R's columns) d‖².
-    pub fn damped_step(&self, lambda: f64) -> [f64; N] {
-        const ROWS: usize = 4;
-        let (mut damped, weight) = (*self, lambda.root());
+    /// Squared lengths of R's columns.
+    pub fn lengths(&self) -> [f64; N] {
         let mut lengths = [0.0; N];
         for row in &self.R {
             lengths.iter_mut().zip(row).for_each(|(sum, v)| *sum += v * v);
         }
+        lengths
+    }
+
+    /// The factor of ‖R d - q‖² + ‖weight · diag(√lengths) d‖².
+    pub fn damped(&self, lengths: &[f64; N], weight: f64) -> Self {
+        const ROWS: usize = 4;
+        let mut damped = *self;
         for from in (0..N).step_by(ROWS) {
             let (mut rows, mut right) = ([[0.0; N]; ROWS], [0.0; ROWS]);
             let count = ROWS.min(N - from);
             (0..count).for_each(|i| rows[i][from + i] = weight * lengths[from + i].root());
             damped.fold(&mut rows[..count], &mut right[..count]);
         }
-        damped.solve()
+        damped
     }
 
     /// R⁻¹ q.
-    fn solve(&self) -> [f64; N] {
+    pub fn solve(&self) -> [f64; N] {
         let mut d = self.q;
         for i in (0..N).rev() {
             let known: f64 = (i + 1..N).map(|k| self.R[i][k] * d[k]).sum();

@@ -1,9 +1,9 @@
 //! The most probable motion given all data, by Levenberg's and Marquardt's method in slices.
 
-use crate::rigid::factor::Factor;
 use crate::rigid::motion::Motion;
 use crate::rigid::pass::{Compiled, Data, Pass, Units};
 use crate::rigid::posterior::Posterior;
+use crate::rigid::start::Start;
 
 /// λ at the beginning, and its least.
 const DAMPING: (f64, f64) = (1e-3, 1e-12);
@@ -57,12 +57,13 @@ pub struct Fit<M, const P: usize, const N: usize> {
 }
 
 impl<M: Motion<P, N> + Clone, const P: usize, const N: usize> Fit<M, P, N> {
-    /// From z, of the outputs before `end`, in at most so many steps.
-    pub fn new(motion: &M, z: &[f64; N], end: usize, most: usize) -> Self {
-        let mut best = Pass::at(z);
+    /// From a start, of the outputs before `end`, in at most so many steps.
+    pub fn new(start: &Start<M, N>, end: usize, most: usize) -> Self {
+        let Start { motion, z, firsts } = start;
+        let mut best = Pass::at(z, firsts);
         best.cost = f64::INFINITY;
-        let mut tried = Pass::at(z);
-        tried.begin(motion, z);
+        let mut tried = best;
+        tried.begin(motion, z, firsts);
         Fit {
             motion: motion.clone(),
             best,
@@ -108,10 +109,11 @@ impl<M: Motion<P, N> + Clone, const P: usize, const N: usize> Fit<M, P, N> {
                 }
             }
             Phase::Step => {
-                let d = self.best.factor.damped_step(self.lambda);
-                let mut z = self.best.z;
+                let best = &self.best;
+                let (d, of_firsts) = best.earlier.damped_step(&best.factor, self.lambda);
+                let (mut z, firsts) = (best.z, best.firsts.moved(&of_firsts));
                 z.iter_mut().zip(d).for_each(|(z, d)| *z += d);
-                self.tried.begin(&self.motion, &z);
+                self.tried.begin(&self.motion, &z, &firsts);
                 self.phase = Phase::Weighing;
             }
             Phase::Inverse => {
@@ -124,8 +126,10 @@ impl<M: Motion<P, N> + Clone, const P: usize, const N: usize> Fit<M, P, N> {
     }
 
     /// The best so far.
-    pub fn best(&self) -> Option<(&M, &[f64; N])> {
-        (self.best.cost < f64::INFINITY).then_some((&self.motion, &self.best.z))
+    pub fn best(&self) -> Option<Start<M, N>> {
+        let Pass { z, firsts, cost, .. } = &self.best;
+        let motion = self.motion.clone();
+        (*cost < f64::INFINITY).then_some(Start { motion, z: *z, firsts: *firsts })
     }
 
     /// All of it at once.
@@ -137,8 +141,8 @@ impl<M: Motion<P, N> + Clone, const P: usize, const N: usize> Fit<M, P, N> {
     /// A pass where the cost is less, another step where it is not.
     fn weighed(&mut self) {
         if self.tried.cost <= self.best.cost {
-            let z = self.tried.z;
-            self.tried.begin(&self.motion, &z);
+            let (z, firsts) = (self.tried.z, self.tried.firsts);
+            self.tried.begin(&self.motion, &z, &firsts);
             self.phase = Phase::Pass;
         } else {
             self.judge();
@@ -175,7 +179,8 @@ impl<M: Motion<P, N> + Clone, const P: usize, const N: usize> Fit<M, P, N> {
     /// Whether an undamped step would lower the cost by more than so much, were all linear: ‖q‖² of the
     /// best's factor.
     fn may_gain(&self, more: f64) -> bool {
-        self.best.factor.q.iter().map(|q| q * q).sum::<f64>() > more
+        let best = &self.best;
+        best.factor.q.iter().map(|q| q * q).sum::<f64>() + best.earlier.squares() > more
     }
 
     /// What an ended fit found; None where the motion of its start runs away.
@@ -183,16 +188,18 @@ impl<M: Motion<P, N> + Clone, const P: usize, const N: usize> Fit<M, P, N> {
         if self.phase != Phase::Found {
             return None;
         }
-        let Pass { z, cost, factor, w, S, .. } = &self.best;
+        let Pass { z, firsts, cost, factor, earlier, w, S, .. } = &self.best;
+        let determinant = factor.log_determinant() + earlier.log_determinant();
         let spread = self.motion.spread();
         let priors: f64 = spread[3..].iter().map(|sd| libm::log(*sd)).sum();
         Some(Posterior {
             motion: self.motion.clone(),
             z: *z,
+            firsts: *firsts,
             w: *w,
             P: covariance(&self.inverse, S),
             cost: *cost,
-            evidence: -0.5 * cost - Factor::log_determinant(factor) - priors,
+            evidence: -0.5 * cost - determinant - priors,
             misfit: self.best.misfit(),
         })
     }

@@ -7,6 +7,7 @@ use crate::rigid::motion::Family;
 use crate::rigid::pass::Data;
 use crate::rigid::posterior::Posterior;
 use crate::rigid::small::{Matrix, Vector};
+use crate::rigid::start::Start;
 
 /// One that is less probable than this does not count for the mean.
 const COUNTED: f64 = 1e-3;
@@ -224,14 +225,14 @@ impl<M: Family<P, N>, const P: usize, const N: usize> Member<M, P, N> {
     }
 
     /// Where a fit from its latest optimum would begin.
-    pub fn from_optimum(&self) -> (M, [f64; N]) {
-        self.found.motion.rebased(&self.found.z)
+    pub fn from_optimum(&self) -> Start<M, N> {
+        self.found.start().rebased()
     }
 
     /// Where a fit from its filter would begin.
-    pub fn from_filter(&self) -> (M, [f64; N]) {
-        let mut z = self.filter.z;
-        z[..3].copy_from_slice(&self.found.z[..3]);
-        self.found.motion.rebased(&z)
+    pub fn from_filter(&self) -> Start<M, N> {
+        let mut start = self.found.start();
+        start.z[3..].copy_from_slice(&self.filter.z[3..]);
+        start.rebased()
     }
 }

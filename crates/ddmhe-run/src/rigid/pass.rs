@@ -1,5 +1,6 @@
 //! One pass over the data: the cost of z, and the triangular factor of its whitened Jacobian.
 
+use crate::rigid::earlier::{Earlier, Eliminated, Firsts};
 use crate::rigid::factor::Factor;
 use crate::rigid::motion::{MOVING, Motion, Slopes, flow, flow_with_slopes};
 use crate::rigid::posterior::Misfit;
@@ -12,10 +13,12 @@ const OF_SAMPLE: usize = 12;
 /// Samples of a block whose mean residual is looked at.
 const BLOCK: usize = 10;
 
-/// What is fitted: a recording and the outputs since, NaN = not measured. Noise is infinite of outputs
-/// that there are none of.
+/// What is fitted: recordings, and the outputs since the last of them, NaN = not measured. Noise is
+/// infinite of outputs that there are none of.
 #[derive(Debug, Clone, Copy)]
 pub struct Data<'a, const P: usize, K = ()> {
+    /// Recordings before the last one, of a motion that goes on by itself.
+    pub earlier: Earlier<'a, P>,
     /// Recorded rates (T+1).
     pub x: &'a [Vector],
     /// Recorded outputs (T).
@@ -24,8 +27,8 @@ pub struct Data<'a, const P: usize, K = ()> {
     pub later: &'a [[f64; P]],
     /// Later rates, as many as there are later outputs, or none of all.
     pub rates: &'a [Vector],
-    /// What is known of each sample: of the motion [`Motion::EVERYWHERE`] where nothing has to be. One
-    /// that is driven stands still after the last of them.
+    /// What is known of each sample: of the motion [`Motion::EVERYWHERE`] where nothing has to be.
+    /// One that is driven stands still after the last of them.
     pub known: &'a [K],
     /// Noise of recorded rates.
     pub of_x: Vector,
@@ -38,6 +41,24 @@ pub struct Data<'a, const P: usize, K = ()> {
 }
 
 impl<const P: usize, K> Data<'_, P, K> {
+    /// How many outputs were recorded, in all recordings.
+    pub fn recorded(&self) -> usize {
+        self.earlier.y.len() + self.y.len()
+    }
+
+    /// Recording i alone and the number of its outputs, if it is an earlier one; else the last
+    /// recording and what came since, of which a fit has the outputs before `end`.
+    #[inline(always)]
+    fn part(&self, i: usize, end: usize) -> (Self, usize)
+    where
+        K: Copy,
+    {
+        match self.earlier.part(i) {
+            Some((x, y)) => (Data { x, y, later: &[], rates: &[], ..*self }, y.len()),
+            None => (*self, end),
+        }
+    }
+
     /// Output k and its noise.
     #[inline(always)]
     fn output(&self, k: usize) -> (&[f64; P], &[f64; P]) {
@@ -45,13 +66,6 @@ impl<const P: usize, K> Data<'_, P, K> {
             true => (&self.y[k], &self.of_y),
             false => (&self.later[k - self.y.len()], &self.of_later),
         }
-    }
-
-    /// What is known of the samples from k on, of those that a fit to `end` outputs is of.
-    #[inline(always)]
-    fn known_from(&self, k: usize, end: usize, driven: bool) -> &[K] {
-        let until = if driven { end.max(self.x.len()) } else { usize::MAX };
-        self.known.get(k..until.min(self.known.len())).unwrap_or(&[])
     }
 
     /// The rates that were measured with later output k.
@@ -83,14 +97,19 @@ impl Units for Compiled {
 pub struct Pass<const P: usize, const N: usize> {
     /// Where the cost is taken.
     pub z: [f64; N],
+    /// And where earlier recordings begin.
+    pub firsts: Firsts,
     /// Cost of the samples so far; infinite where the motion runs away.
     pub cost: f64,
     /// Factor of their rows.
     pub factor: Factor<N>,
+    /// And of earlier recordings' first rates.
+    pub earlier: Eliminated<N>,
     /// ω at the next sample.
     pub w: Vector,
     /// dω(next sample)/dz.
     pub S: [[f64; N]; 3],
+    part: usize, // number of the recording
     next: usize,
     rows: [[f64; N]; ROWS],
     right: [f64; ROWS],
@@ -107,33 +126,55 @@ struct Squares<const K: usize> {
     blocks: f64,
     sum: [f64; K],
     samples: usize,
+    begun: usize, // samples of the block that is not whole yet
+    whole: usize, // blocks
+    lost: usize,  // samples at ends of earlier recordings that are of no whole block
 }
 
 impl<const K: usize> Squares<K> {
-    const NONE: Self = Squares { single: 0.0, blocks: 0.0, sum: [0.0; K], samples: 0 };
+    const NONE: Self = Squares {
+        single: 0.0,
+        blocks: 0.0,
+        sum: [0.0; K],
+        samples: 0,
+        begun: 0,
+        whole: 0,
+        lost: 0,
+    };
 
     fn take(&mut self, residuals: &[f64; K]) {
         self.single += residuals.iter().map(|e| e * e).sum::<f64>();
         self.sum.iter_mut().zip(residuals).for_each(|(sum, e)| *sum += e);
-        self.samples += 1;
-        if self.samples.is_multiple_of(BLOCK) {
+        (self.samples, self.begun) = (self.samples + 1, self.begun + 1);
+        if self.begun == BLOCK {
             let block = BLOCK as f64;
             self.blocks += self.sum.iter().map(|sum| (sum / block) * (sum / block)).sum::<f64>();
-            self.sum = [0.0; K];
+            (self.sum, self.begun, self.whole) = ([0.0; K], 0, self.whole + 1);
         }
+    }
+
+    /// No block goes on in the next recording.
+    fn cut(&mut self) {
+        self.lost += self.begun;
+        (self.sum, self.begun) = ([0.0; K], 0);
+    }
+
+    /// The share of samples that a block may be of.
+    fn in_blocks(&self) -> f64 {
+        1.0 - self.lost as f64 / self.samples.max(1) as f64
     }
 
     /// Mean square of whole blocks' means, times the block.
     fn of_blocks(&self) -> f64 {
-        let count = (self.samples / BLOCK * K) as f64;
+        let count = (self.whole * K) as f64;
         BLOCK as f64 * self.blocks / count
     }
 }
 
 impl<const P: usize, const N: usize> Pass<P, N> {
     /// At z, with the prior's rows.
-    pub fn begin<M: Motion<P, N>>(&mut self, motion: &M, z: &[f64; N]) {
-        *self = Self::at(z);
+    pub fn begin<M: Motion<P, N>>(&mut self, motion: &M, z: &[f64; N], firsts: &Firsts) {
+        *self = Self::at(z, firsts);
         let spread = motion.spread();
         for i in 3..N {
             let (unit, e) = (1.0 / spread[i], -z[i] / spread[i]);
@@ -144,15 +185,17 @@ impl<const P: usize, const N: usize> Pass<P, N> {
     }
 
     /// At z, of nothing.
-    pub fn at(z: &[f64; N]) -> Self {
-        let mut S = [[0.0; N]; 3];
-        (0..3).for_each(|i| S[i][i] = 1.0);
+    pub fn at(z: &[f64; N], firsts: &Firsts) -> Self {
+        let first = firsts.rates().first();
         Pass {
             z: *z,
+            firsts: *firsts,
             cost: 0.0,
             factor: Factor::EMPTY,
-            w: [z[0], z[1], z[2]],
-            S,
+            earlier: Eliminated::NONE,
+            w: first.copied().unwrap_or([z[0], z[1], z[2]]),
+            S: by_itself(),
+            part: 0,
             next: 0,
             rows: [[0.0; N]; ROWS],
             right: [0.0; ROWS],
@@ -174,25 +217,30 @@ impl<const P: usize, const N: usize> Pass<P, N> {
         most: f64,
     ) -> bool {
         let parts = motion.parts(&self.z);
+        let (mut own, mut until) = data.part(self.part, end);
         for _ in 0..samples {
-            if self.next < data.x.len() {
-                self.state(&data.x[self.next], &data.of_x);
+            if self.next < own.x.len() {
+                self.state(&own.x[self.next], &own.of_x);
             }
-            let ended = self.next >= end;
+            let ended = self.next >= until;
             if ended || self.filled + OF_SAMPLE > ROWS {
                 let (rows, right) = (&mut self.rows, &mut self.right);
                 self.factor.fold(&mut rows[..self.filled], &mut right[..self.filled]);
                 self.filled = 0;
             }
             if ended {
-                return true;
+                if !self.turns() {
+                    return true;
+                }
+                (own, until) = data.part(self.part, end);
+                continue;
             }
-            if let Some(x) = data.rate(self.next) {
-                self.rate(x, &data.of_rates);
+            if let Some(x) = own.rate(self.next) {
+                self.rate(x, &own.of_rates);
             }
-            let known = data.known_from(self.next, end, M::DRIVEN);
+            let known = own.known.get(self.next..).unwrap_or(&[]);
             if let Some(now) = known.first() {
-                self.output(motion, (&parts, now), data.output(self.next));
+                self.output(motion, (&parts, now), own.output(self.next));
             }
             let [from, to, ..] = known else {
                 self.goes_on(Some(self.w), most);
@@ -218,21 +266,26 @@ impl<const P: usize, const N: usize> Pass<P, N> {
     ) -> bool {
         let parts = motion.parts(&self.z);
         let square = |v: f64, by: f64| if v.is_finite() { (v / by) * (v / by) } else { 0.0 };
+        let (mut own, mut until) = data.part(self.part, end);
         for _ in 0..samples {
             let w = self.w;
-            if let Some(x) = data.x.get(self.next) {
-                self.cost += (0..3).map(|i| square(x[i] - w[i], data.of_x[i])).sum::<f64>();
+            if let Some(x) = own.x.get(self.next) {
+                self.cost += (0..3).map(|i| square(x[i] - w[i], own.of_x[i])).sum::<f64>();
             }
-            if self.next >= end {
-                return true;
+            if self.next >= until {
+                if !self.turns() {
+                    return true;
+                }
+                (own, until) = data.part(self.part, end);
+                continue;
             }
-            if let Some(x) = data.rate(self.next) {
-                self.cost += (0..3).map(|i| square(x[i] - w[i], data.of_rates[i])).sum::<f64>();
+            if let Some(x) = own.rate(self.next) {
+                self.cost += (0..3).map(|i| square(x[i] - w[i], own.of_rates[i])).sum::<f64>();
             }
-            let known = data.known_from(self.next, end, M::DRIVEN);
+            let known = own.known.get(self.next..).unwrap_or(&[]);
             if let Some(now) = known.first() {
                 let ((y, noise), expected) =
-                    (data.output(self.next), motion.output(&parts, now, &w));
+                    (own.output(self.next), motion.output(&parts, now, &w));
                 self.cost += (0..P).map(|i| square(y[i] - expected[i], noise[i])).sum::<f64>();
             }
             let next = match known {
@@ -255,6 +308,21 @@ impl<const P: usize, const N: usize> Pass<P, N> {
             return false;
         };
         (self.w, self.next) = (w, self.next + 1);
+        true
+    }
+
+    /// On to the beginning of the next recording; false where the last has ended.
+    fn turns(&mut self) -> bool {
+        if self.part >= self.firsts.rates().len() {
+            return false;
+        }
+        self.earlier.take(&mut self.factor);
+        self.of_x.cut();
+        self.of_y.cut();
+        (self.part, self.next) = (self.part + 1, 0);
+        let own = self.firsts.rates().get(self.part);
+        self.w = own.copied().unwrap_or([self.z[0], self.z[1], self.z[2]]);
+        self.S = by_itself();
         true
     }
 
@@ -340,6 +408,14 @@ impl<const P: usize, const N: usize> Pass<P, N> {
             self.of_x.of_blocks(),
             self.of_y.of_blocks() * outputs / seen,
         ];
-        Misfit { chi, terms: [states, seen, states / 10.0, seen / 10.0] }
+        let of_blocks = [states * self.of_x.in_blocks(), seen * self.of_y.in_blocks()];
+        Misfit { chi, terms: [states, seen, of_blocks[0] / 10.0, of_blocks[1] / 10.0] }
     }
+}
+
+/// dω/dz of the rate that is the first of z.
+fn by_itself<const N: usize>() -> [[f64; N]; 3] {
+    let mut S = [[0.0; N]; 3];
+    (0..3).for_each(|i| S[i][i] = 1.0);
+    S
 }

@@ -1,9 +1,11 @@
 //! What a fit found.
 
 use crate::panels::Root;
+use crate::rigid::earlier::Firsts;
 use crate::rigid::layout::TILT;
 use crate::rigid::motion::Family;
 use crate::rigid::small::Vector;
+use crate::rigid::start::Start;
 
 /// Costs that differ by less are of one optimum.
 pub const SAME: f64 = 0.1;
@@ -17,6 +19,8 @@ pub struct Posterior<M, const N: usize> {
     pub motion: M,
     /// (ω at the recording's beginning, θ).
     pub z: [f64; N],
+    /// ω at the beginnings of earlier recordings.
+    pub firsts: Firsts,
     /// ω at the end of the data.
     pub w: Vector,
     /// Covariance of (ω at the end of the data, θ).
@@ -27,6 +31,13 @@ pub struct Posterior<M, const N: usize> {
     pub evidence: f64,
     /// How the residuals compare with their noise.
     pub misfit: Misfit,
+}
+
+impl<M: Clone, const N: usize> Posterior<M, N> {
+    /// Where a fit from there begins.
+    pub fn start(&self) -> Start<M, N> {
+        Start { motion: self.motion.clone(), z: self.z, firsts: self.firsts }
+    }
 }
 
 impl<M, const N: usize> Posterior<M, N> {

@@ -8,7 +8,7 @@ use crate::rigid::motion::Family;
 use crate::rigid::pass::{Data, Units};
 use crate::rigid::small::Vector;
 
-/// After how many lengths of the recording all data are fitted anew; then each time that so many times
+/// After how many lengths of the recordings all data are fitted anew; then each time that so many times
 /// as much has passed, up to the last.
 const SCHEDULE: ([f64; 7], f64, f64) = ([0.25, 0.35, 0.5, 0.7, 1.0, 1.4, 2.0], 1.15, 32.0);
 /// Filters are linear about fits from so many lengths of the recording on, until what came since is
@@ -175,7 +175,7 @@ impl<M: Family<P, N>, const P: usize, const N: usize> Stepper<M, P, N> {
             Some(Refit::Manual) | None => {}
         }
         let since = self.t.saturating_sub(self.begun);
-        if since as f64 > HELD.1 * (data.y.len() + self.begun) as f64 {
+        if since as f64 > HELD.1 * (data.recorded() + self.begun) as f64 {
             self.mixture.hold(false);
         }
         let Some(limits) = limits.filter(|_| !M::DRIVEN) else { return };
@@ -185,7 +185,7 @@ impl<M: Family<P, N>, const P: usize, const N: usize> Stepper<M, P, N> {
     /// Whether a fit is due, or was since the last one: it is then no more.
     fn is_due(&mut self, data: &Data<'_, P, M::Known>) -> bool {
         let before = self.fits;
-        while due(self.fits, data.y.len()).is_some_and(|due| due <= self.t) {
+        while due(self.fits, data.recorded()).is_some_and(|due| due <= self.t) {
             self.fits += 1;
         }
         self.fits > before
@@ -198,7 +198,7 @@ impl<M: Family<P, N>, const P: usize, const N: usize> Stepper<M, P, N> {
         let Some(mut fits) = self.starts(data, true) else { return false };
         while !fits.advance(data, usize::MAX, units) {}
         self.begun = self.t;
-        let Some(mixture) = self.following(&fits, data.y.len()) else { return false };
+        let Some(mixture) = self.following(&fits, data) else { return false };
         self.mixture = mixture;
         true
     }
@@ -208,7 +208,7 @@ impl<M: Family<P, N>, const P: usize, const N: usize> Stepper<M, P, N> {
     fn starts(&self, data: &Data<'_, P, M::Known>, settles: bool) -> Option<Anchoring<M, P, N>> {
         let (leading, place) = (self.leading()?, self.mixture.leading());
         let (counted, all) = (self.mixture.probabilities(), self.refit != Some(Refit::Sliced));
-        let stale = all && self.t <= ALTERNATIVES * data.y.len();
+        let stale = all && self.t <= ALTERNATIVES * data.recorded();
         let others = self.mixture.members().enumerate();
         let others = others.filter(|(k, _)| *k != place && (all || counted[*k] > 0.0));
         let others = others.map(|(_, member)| member.from_optimum());
@@ -221,7 +221,11 @@ impl<M: Family<P, N>, const P: usize, const N: usize> Stepper<M, P, N> {
     }
 
     /// What goes on from ended fits; where no body explains the data all filters doubt.
-    fn following(&mut self, fits: &Anchoring<M, P, N>, outputs: usize) -> Option<Mixture<M, P, N>> {
+    fn following(
+        &mut self,
+        fits: &Anchoring<M, P, N>,
+        data: &Data<'_, P, M::Known>,
+    ) -> Option<Mixture<M, P, N>> {
         let leading = self.leading()?.filter;
         let found = fits.optima().and_then(|found| Mixture::new(&found, &leading.noise, self.most));
         self.unexplained = found.is_none();
@@ -230,8 +234,8 @@ impl<M: Family<P, N>, const P: usize, const N: usize> Stepper<M, P, N> {
             return None;
         };
         mixture.counted_mut().for_each(|(_, member)| member.filter.inherit(&leading));
-        let since = fits.end() - outputs;
-        mixture.hold(since as f64 >= HELD.0 * outputs as f64);
+        let since = fits.end() - data.y.len();
+        mixture.hold(since as f64 >= HELD.0 * data.recorded() as f64);
         Some(mixture)
     }
 
@@ -241,7 +245,8 @@ impl<M: Family<P, N>, const P: usize, const N: usize> Stepper<M, P, N> {
             None => self.begin(data),
             Some(Work::Fits(fits, calls)) => {
                 let end = data.y.len() + self.t;
-                if (end - fits.end()) as f64 > STALE * fits.end() as f64
+                let of = data.earlier.y.len() + fits.end();
+                if (end - fits.end()) as f64 > STALE * of as f64
                     && let Some(newer) = fits.anew(end)
                 {
                     (*fits, *calls, self.begun) = (newer, 0, self.t);
@@ -251,9 +256,8 @@ impl<M: Family<P, N>, const P: usize, const N: usize> Stepper<M, P, N> {
                     && let Some(Work::Fits(fits, _)) = self.work.take()
                 {
                     let next = fits.end() - data.y.len();
-                    self.work = self
-                        .following(&fits, data.y.len())
-                        .map(|mixture| Work::Replay(mixture, next));
+                    self.work =
+                        self.following(&fits, data).map(|mixture| Work::Replay(mixture, next));
                 }
             }
             Some(Work::Replay(mixture, next)) => {
@@ -273,7 +277,7 @@ impl<M: Family<P, N>, const P: usize, const N: usize> Stepper<M, P, N> {
 
     /// Begins a round of fits when it is time.
     fn begin(&mut self, data: &Data<'_, P, M::Known>) {
-        let outputs = data.y.len();
+        let outputs = data.recorded();
         let next = (SLICED.0 * outputs as f64).max(SLICED.1 * self.begun as f64);
         if (self.t as f64) < next || self.t > last_fit(outputs) {
             return;
