@@ -80,6 +80,18 @@ class Dense:
                 rows.append(off.reshape(*off.shape[:-2], -1))
         return np.concatenate(rows, axis=-1)
 
+    def chi(self, unknowns):
+        """Mean squares of the residuals of x and y, and of their means over ten samples of one
+        recording, times ten."""
+        e = np.split(self.residuals(unknowns)[len(self.sd) :].reshape(-1, 3), self.ends()[:-1])
+        blocks = [v[: len(v) // 10 * 10].reshape(-1, 10, 3).mean(1) for v in e]
+        kinds = [np.concatenate(v) for v in (e[::2], e[1::2], blocks[::2], blocks[1::2])]
+        return np.array([1, 1, 10, 10]) * [np.mean(v**2) for v in kinds]
+
+    def ends(self):
+        """Where in the samples of x, y, x, … each of them ends."""
+        return np.cumsum([len(v) for recording in self.recordings for v in recording])
+
     def jacobian(self, unknowns, of=None):
         """By complex steps: no derivative is written down."""
         steps = 1j * STEP * np.eye(len(unknowns))
@@ -92,7 +104,7 @@ class Dense:
         ).x  # fmt: skip
 
     def said(self, unknowns):
-        """Cost, evidence, and ω one sample after the last recording's end with its covariance."""
+        """Cost, evidence, χ, and ω a sample after the last recording's end with its covariance."""
         e, A = self.residuals(unknowns), self.jacobian(unknowns)
         R = np.linalg.qr(A, mode="r")
         log = np.sum(np.log(np.abs(np.diag(R)))) + np.sum(np.log(self.sd))
@@ -103,7 +115,7 @@ class Dense:
             return self.motion(unknowns[..., last], unknowns[..., last.stop :], count)[0][-1]
 
         M = self.jacobian(unknowns, ahead) @ np.linalg.inv(R)
-        return e @ e, -0.5 * e @ e - log, ahead(unknowns), M @ M.T
+        return e @ e, -0.5 * e @ e - log, self.chi(unknowns), ahead(unknowns), M @ M.T
 
 
 def plane(b):
@@ -168,14 +180,18 @@ def same(a, b):
 
 @pytest.mark.parametrize("count", [1, 2, 3])
 def test_the_fit_is_the_dense_problem_s(count):
-    """ω to 1e-8 rad/s, its covariance to 1e-6, the cost and the evidence."""
+    """ω to 1e-8 rad/s, its covariance to 1e-6, the cost, the evidence and χ."""
     recordings, _, _, body = turning(LENGTHS[-count:], SPINS[-count:])
-    cost, evidence, w, P = optimum(recordings, body)
+    cost, evidence, chi, w, P = optimum(recordings, body)
     est = made(recordings, optima=1)
     e, report = est.step([np.nan] * 3), est.report()
     assert est.explained
     assert report.optima[0][0] == pytest.approx(cost, abs=1e-3)
     assert report.evidence == pytest.approx(evidence, abs=1e-3)
+    assert report.chi == pytest.approx(chi, rel=1e-4)
+    # of the earlier ones what is of no whole block does not count
+    whole = sum(n // 10 * 10 for n in LENGTHS[-count:-1]) + LENGTHS[-1]
+    assert report.limits[3] == pytest.approx(1.05 + 4.5 * np.sqrt(2 / (0.3 * whole)))
     assert np.abs(e.x - w).max() < 1e-8
     assert np.abs(e.covariance - P).max() < 1e-6 * np.abs(P).max()
 
@@ -186,7 +202,7 @@ def test_a_fit_anew_is_the_dense_problem_s_with_all_outputs_since():
     est.run(Y[:60])
     assert est.refit()
     (x, y), report = recordings[-1], est.report()
-    cost, _, w, P = optimum([*recordings[:-1], (x, np.concatenate([y, Y[:60]]))], body)
+    cost, _, _, w, P = optimum([*recordings[:-1], (x, np.concatenate([y, Y[:60]]))], body)
     e = est.step([np.nan] * 3)
     assert report.optima[0][0] == pytest.approx(cost, abs=1e-3)
     assert np.abs(e.x - w).max() < 1e-8
