@@ -75,6 +75,7 @@ def test_a_log_elsewhere_is_refused(tumbling, tmp_path):
     )
     assert done.returncode == 2
     assert "goes on where its recording ends" in done.stderr
+    assert "--history" in done.stderr
 
 
 def test_earlier_recordings_are_of_the_same_body(tumbling, tmp_path):

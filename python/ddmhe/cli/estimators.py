@@ -147,7 +147,8 @@ def choose(kind: str, split: Recorded, named: dict[str, Any]) -> Chosen:
     if not split.goes_on:
         raise click.BadParameter(
             "expected a log that goes on where its recording ends with rigid-body, whose rates are "
-            "followed from there; found one that begins anywhere",
+            "followed from there; found one that begins anywhere (--history makes its beginning "
+            "the last recording)",
             param_hint="--estimator",
         )
     return Chosen(RigidBodyMhe(split.history, **named), named)
