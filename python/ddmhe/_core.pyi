@@ -258,17 +258,37 @@ class RigidBodyMhe:
         y_noise: ArrayLike | None = None,
         output_noise: ArrayLike | None = None,
         x_bounds: _Box | None = None,
+        field: tuple[ArrayLike, ArrayLike] | None = None,
         rate_noise: ArrayLike | None = None,
         fallback: DdMhe | None = None,
         refit: Literal["now", "sliced", "manual"] = "now",
         optima: int = 4,
     ) -> RigidBodyMhe: ...
     @overload
-    def step(self, y_t: ArrayLike, *, x: ArrayLike | None = None, out: None = None) -> Estimate: ...
+    def step(
+        self,
+        y_t: ArrayLike,
+        *,
+        x: ArrayLike | None = None,
+        field: tuple[ArrayLike, ArrayLike] | None = None,
+        out: None = None,
+    ) -> Estimate: ...
     @overload
-    def step(self, y_t: ArrayLike, *, x: ArrayLike | None = None, out: _Floats) -> _Floats: ...
+    def step(
+        self,
+        y_t: ArrayLike,
+        *,
+        x: ArrayLike | None = None,
+        field: tuple[ArrayLike, ArrayLike] | None = None,
+        out: _Floats,
+    ) -> _Floats: ...
     def run(
-        self, Y: ArrayLike, *, X: ArrayLike | None = None, out: _Floats | None = None
+        self,
+        Y: ArrayLike,
+        *,
+        X: ArrayLike | None = None,
+        field: tuple[ArrayLike, ArrayLike] | None = None,
+        out: _Floats | None = None,
     ) -> Log: ...
     def refit(self) -> bool: ...
     def reset(self) -> None: ...

@@ -17,6 +17,7 @@ HERE = Path(__file__).parent
 DATA = Path(os.environ.get("DDMHE_DATA", HERE.parents[2] / "shared" / "data"))
 UNIT_X, UNIT_Y = 1e-8, 1e-6
 RECORDED, ONLINE, EVERY, DT = 200, 400, 8, 0.1
+LOST = np.iinfo(np.int32).min
 # noise of recorded rates (rad/s), recorded and later outputs (N m)
 LEVELS = [(1e-5, 1e-3, 1e-3), (1e-4, 1e-2, 1e-2), (1e-3, 1e-2, 1e-2), (1e-3, 5e-2, 5e-2)]
 
@@ -51,14 +52,14 @@ def simulated(sims, seed, noise, how, outputs, lost):
     whole = np.rint(y[:, :outputs] / UNIT_Y).astype(np.int32)
     gone = draw.random(whole.shape) < lost
     gone[:RECORDED] = False
-    whole[gone] = np.iinfo(np.int32).min
+    whole[gone] = LOST
     return np.rint(x / UNIT_X).astype(np.int32), whole
 
 
 def estimated(reference, x, y, noise, known):
     """Rates, covariances and statuses of the reference at every EVERY-th step."""
     x = x * UNIT_X
-    y = np.where(y == np.iinfo(np.int32).min, np.nan, y * UNIT_Y)
+    y = np.where(y == LOST, np.nan, y * UNIT_Y)
     of = dict(zip(("sx", "sy", "so"), noise, strict=True)) if known else {}
     estimator = reference.Estimator(x, y[:RECORDED], DT, **of)
     rows = []

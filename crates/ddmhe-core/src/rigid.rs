@@ -9,6 +9,9 @@ mod choice;
 mod config;
 mod ends;
 mod family;
+mod field;
+mod ground;
+mod measured;
 mod mhe;
 mod online;
 mod recording;
@@ -16,6 +19,7 @@ mod report;
 #[cfg(feature = "serde")]
 mod saved;
 
-pub use config::{Refits, RigidConfig};
+pub use config::{KnownField, Refits, RigidConfig};
+pub use measured::Measured;
 pub use mhe::RigidBodyMhe;
 pub use report::{Optimum, Report};

@@ -7,6 +7,7 @@ mod estimate;
 mod evidence;
 mod exceptions;
 mod exclusive;
+mod field;
 mod frames;
 mod history;
 mod in_force;

@@ -4,6 +4,7 @@ use crate::bounds::bounds;
 use crate::convert::{DdmheError, Numbers, ShapeError, array1, array2, raise, text, writable};
 use crate::estimate::Estimate;
 use crate::exclusive::Exclusive;
+use crate::field::known_field;
 use crate::frames::Clock;
 use crate::history::History;
 use crate::log::Log;
@@ -11,7 +12,7 @@ use crate::measured::outputs;
 use crate::mhe::DdMhe;
 use crate::pickle::{Made, bytes, made};
 use crate::signals::Signals;
-use ddmhe_core::rigid::{Refits, Report, RigidConfig};
+use ddmhe_core::rigid::{KnownField, Measured, Refits, Report, RigidConfig};
 use numpy::{Ix1, Ix2, PyArray1, PyArray2};
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PySlice, PyType};
@@ -39,6 +40,12 @@ use std::sync::MutexGuard;
 /// x_bounds : (lo, hi), optional
 ///     Box on the rates; each side a scalar or (3,). None: what the recorded energy allows a body
 ///     that is braked, where one explains the recording.
+/// field : (B, K), optional
+///     A magnetic field that is known and moves, since the magnet turns or is modulated: B (T, 3) and
+///     K (T, p, 3) at the outputs of the recording, or (T+1, 3) and (T+1, p, 3) with that at its last
+///     rate, which is left out else. The body is then braked by B × M (B × ω), and the outputs are
+///     -κ K M (B × ω), with M symmetric and κ a number; up to three outputs. Each step takes the
+///     field, too.
 /// rate_noise : float or array (3,), optional
 ///     Standard deviation of the noise on rates that are measured later (step's x); None: as on
 ///     recorded ones.
@@ -114,9 +121,9 @@ impl RigidBodyMhe {
     #[new]
     #[pyo3(
         signature = (history, *, x_noise=None, y_noise=None, output_noise=None, x_bounds=None,
-            rate_noise=None, fallback=None, refit=None, optima=4),
+            field=None, rate_noise=None, fallback=None, refit=None, optima=4),
         text_signature = "(history, *, x_noise=None, y_noise=None, output_noise=None, \
-            x_bounds=None, rate_noise=None, fallback=None, refit='now', optima=4)"
+            x_bounds=None, field=None, rate_noise=None, fallback=None, refit='now', optima=4)"
     )]
     #[allow(clippy::too_many_arguments)] // as many as users see
     fn new(
@@ -125,6 +132,7 @@ impl RigidBodyMhe {
         y_noise: Option<&Bound<'_, PyAny>>,
         output_noise: Option<&Bound<'_, PyAny>>,
         x_bounds: Option<&Bound<'_, PyAny>>,
+        field: Option<&Bound<'_, PyAny>>,
         rate_noise: Option<&Bound<'_, PyAny>>,
         fallback: Option<&Bound<'_, DdMhe>>,
         refit: Option<&Bound<'_, PyAny>>,
@@ -132,6 +140,7 @@ impl RigidBodyMhe {
     ) -> PyResult<Self> {
         let py = history.py();
         let history = History::cast("history", history)?;
+        let recorded = &[history.core.T(), history.core.T() + 1];
         let config = RigidConfig {
             x_noise: levels("x_noise", x_noise)?,
             y_noise: levels("y_noise", y_noise)?,
@@ -139,6 +148,7 @@ impl RigidBodyMhe {
             x_bounds: x_bounds
                 .map(|v| bounds("x_bounds", v, history.core.n(), None))
                 .transpose()?,
+            field: field.map(|field| known_field(field, recorded, history.core.p())).transpose()?,
             rate_noise: levels("rate_noise", rate_noise)?,
             refit: refit.map(refits).transpose()?.unwrap_or_default(),
             optima,
@@ -153,14 +163,18 @@ impl RigidBodyMhe {
     /// y_t : array (p,), NaN where this entry was not measured.
     /// x : array (3,), optional. Rates (rad/s) that a sensor read at the instant of y_t, NaN where it
     ///     did not; their noise is rate_noise.
+    /// field : (B, K), arrays (3,) and (p, 3). The field at the instant of y_t, of an estimator that was
+    ///     made with one. The rates at t are foretold with the field as it would go on linearly; the
+    ///     next step puts what it then is in the place of that.
     /// out : float64 array (3,), optional. It receives the rates and is returned in the place of an
     ///     Estimate; all else about the step is in `estimate`.
-    #[pyo3(signature = (y_t, *, x=None, out=None))]
+    #[pyo3(signature = (y_t, *, x=None, field=None, out=None))]
     fn step<'py>(
         &self,
         py: Python<'py>,
         y_t: &Bound<'py, PyAny>,
         x: Option<&Bound<'py, PyAny>>,
+        field: Option<&Bound<'py, PyAny>>,
         out: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Bound<'py, PyAny>> {
         let mut core = self.core()?;
@@ -170,10 +184,10 @@ impl RigidBodyMhe {
         let clock = clock(core, core.t());
         let y = Numbers::measured("y_t", y_t)?.into_vector("y_t", p)?;
         let rates = x.map(|x| Numbers::measured("x", x)?.into_vector("x", 3)).transpose()?;
-        let estimate = py.detach(|| match &rates {
-            Some(x) => core.step_with_rates(&y, x),
-            None => core.step(&y),
-        });
+        let field = field.map(|field| known_field(field, &[], p)).transpose()?;
+        let field = field.as_ref().map(|KnownField { B, K }| (&B[..], &K[..]));
+        let sample = Measured { y: &y, x: rates.as_deref(), field };
+        let estimate = py.detach(|| core.step_with(sample));
         let estimate = estimate.map_err(raise)?;
         let Some(out) = out else {
             return Ok(Bound::new(py, Estimate::new(estimate, n, p, clock))?.into_any());
@@ -187,16 +201,19 @@ impl RigidBodyMhe {
     ///
     /// X : array (N, 3), optional. Rates (rad/s) that a sensor read at the instants of Y, NaN where it
     ///     did not.
+    /// field : (B, K), arrays (N, 3) and (N, p, 3). The field at the instants of Y, of an estimator that
+    ///     was made with one.
     /// out : float64 array (N, 3), optional. It receives the rates and is the Log's x.
     ///
     /// A KeyboardInterrupt ends the run as in DdMhe.run.
-    #[pyo3(signature = (Y, *, X=None, out=None))]
+    #[pyo3(signature = (Y, *, X=None, field=None, out=None))]
     #[allow(non_snake_case)]
     fn run(
         &self,
         py: Python<'_>,
         Y: &Bound<'_, PyAny>,
         X: Option<&Bound<'_, PyAny>>,
+        field: Option<&Bound<'_, PyAny>>,
         out: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Log> {
         let mut core = self.core()?;
@@ -213,8 +230,10 @@ impl RigidBodyMhe {
         let room = out.map(|out| writable::<Ix2>("out", out, &[rows, states])).transpose()?;
         let mut signals = Signals::default();
         let clock = clock(core, core.t());
-        let rates = rates.as_ref().map(|(rates, ..)| &rates[..]);
-        let run = || core.run_until(&data, rates, &mut || signals.raised());
+        let field = field.map(|field| known_field(field, &[rows], p)).transpose()?;
+        let field = field.as_ref().map(|KnownField { B, K }| (&B[..], &K[..]));
+        let samples = Measured { y: &data, x: rates.as_ref().map(|(x, ..)| &x[..]), field };
+        let run = || core.run_until(&samples, &mut || signals.raised());
         let log = py.detach(run).map_err(raise)?;
         let made = log.status.len();
         let x = match (out, room) {
@@ -394,7 +413,8 @@ impl RigidBodyReport {
         matrix(py, &self.core.inertia_std)
     }
 
-    /// The direction (3,) about which a turn shows in no output.
+    /// The direction (3,) about which a turn shows in no output; NaN in a known field, which moves: none
+    /// stays so.
     #[getter]
     fn unseen<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         array1(py, &self.core.unseen)

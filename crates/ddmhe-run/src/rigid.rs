@@ -20,8 +20,9 @@
 //! | R, q: stacked whitened Jacobian and residual | [`factor::Factor`] | N × N, N | |
 //!
 //! # A tour
-//! [`motion`] (samples, with their derivatives) ← [`body`] · [`pass`] (the cost of z over all data,
-//! and its [`factor`]; `earlier` recordings' own unknowns are eliminated) → [`fit`] (Levenberg and Marquardt) → [`posterior`] → [`filter`] (one sample,
+//! [`motion`] (samples, with their derivatives) ← [`body`], [`field`] (in a known field) ·
+//! [`pass`] (the cost of z over all data, and its [`factor`]; `earlier` recordings' own unknowns are
+//! eliminated) → [`fit`] (Levenberg and Marquardt) → [`posterior`] → [`filter`] (one sample,
 //! from there on) → [`mixture`] (up to four of them) · [`anchoring`] (fits to all data since) →
 //! [`stepper`] (both together).
 //!
@@ -33,6 +34,7 @@ pub mod anchoring;
 pub mod body;
 pub mod earlier;
 pub mod factor;
+pub mod field;
 pub mod filter;
 pub mod fit;
 pub mod layout;
@@ -47,6 +49,7 @@ pub mod stepper;
 pub use anchoring::Anchoring;
 pub use body::Body;
 pub use earlier::{Earlier, Firsts};
+pub use field::{Field, FieldBody};
 pub use filter::{Filter, Innovation, Limits};
 pub use fit::Fit;
 pub use mixture::{Member, Mixture};

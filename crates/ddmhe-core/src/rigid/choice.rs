@@ -68,7 +68,7 @@ fn optima<M: Fitted<P, N>, const P: usize, const N: usize>(
 ) -> Vec<Posterior<M, N>> {
     let mut found: Vec<Posterior<M, N>> = Vec::new();
     for trial in M::STARTS[usize::from(cubic)] {
-        let start = M::start(of.0, *trial, cubic);
+        let start = M::start(of.0, of.1, *trial, cubic);
         let own = annealed(of, start, |start: Start<M, N>| start.rebased());
         let new = own.filter(|own| !found.iter().any(|f| (f.cost - own.cost).abs() < SAME));
         found.extend(new);

@@ -10,6 +10,8 @@ use ddmhe_run::rigid::earlier::EARLIER;
 #[cfg(feature = "serde")]
 use serde::{Deserialize, Serialize};
 
+/// Most outputs in a known field.
+pub(crate) const FIELD_OUTPUTS: usize = 3;
 /// Most outputs.
 pub(crate) const OUTPUTS: usize = 6;
 /// Fewest outputs, of all recordings together: ten blocks of ten, whose means say whether a fit
@@ -29,6 +31,61 @@ pub enum Refits {
     Manual,
 }
 
+/// The field in which a body was recorded, time-major: at each output and, if it is known, at the last
+/// rate; without the latter that rate is left out.
+#[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serde", derive(Serialize, Deserialize), serde(deny_unknown_fields))]
+pub struct KnownField {
+    /// B (3 each) at the body, in any unit.
+    pub B: Vec<f64>,
+    /// K (p x 3 each, by rows): the outputs are -κ K M (B × ω) with one κ.
+    pub K: Vec<f64>,
+}
+
+impl KnownField {
+    /// Of how many samples.
+    pub(crate) fn count(&self) -> usize {
+        self.B.len() / 3
+    }
+
+    /// B and K of a sample with p outputs.
+    pub(crate) fn at(&self, k: usize, p: usize) -> (&[f64], &[f64]) {
+        (&self.B[3 * k..3 * (k + 1)], &self.K[3 * p * k..3 * p * (k + 1)])
+    }
+
+    /// Of the first samples.
+    pub(crate) fn first(&self, count: usize, p: usize) -> Self {
+        KnownField { B: self.B[..3 * count].to_vec(), K: self.K[..3 * p * count].to_vec() }
+    }
+
+    fn check(&self, history: &History) -> Result<(), Error> {
+        let (p, T) = (history.p(), history.T());
+        if !is_of_rates(history) || p > FIELD_OUTPUTS {
+            let expected = format!("none, or three rates and at most {FIELD_OUTPUTS} outputs");
+            let found = format!("n = {}, p = {p}", history.n());
+            return Err(Error::shape("field", expected, found));
+        }
+        if history.recordings() > 1 {
+            let found = format!("{} of them", history.recordings());
+            return Err(Error::shape("field", "none, or one recording", found));
+        }
+        let sizes = |count: usize| (3 * count, 3 * p * count);
+        let found = (self.B.len(), self.K.len());
+        if found != sizes(T) && found != sizes(T + 1) {
+            let (b, k) = sizes(T);
+            let expected = format!("B of {b} and K of {k} numbers, or of one sample more");
+            let found = format!("{} and {}", found.0, found.1);
+            return Err(Error::shape("field", expected, found));
+        }
+        check_finite("field", &self.B, self.B.len())?;
+        check_finite("field", &self.K, self.K.len())?;
+        match [&self.B, &self.K].iter().any(|v| v.iter().all(|v| *v == 0.0)) {
+            true => Err(Error::value("field", "B and K that are not 0 throughout", 0)),
+            false => Ok(()),
+        }
+    }
+}
+
 /// Settings; what is None is read off the recording.
 #[derive(Debug, Clone, PartialEq)]
 #[cfg_attr(feature = "serde", derive(Serialize, Deserialize), serde(default, deny_unknown_fields))]
@@ -44,6 +101,8 @@ pub struct RigidConfig {
     /// Box on ω (rad/s); None: what the recorded energy allows a body that is braked, where a body
     /// explains the recording.
     pub x_bounds: Option<Bounds>,
+    /// The field of the recording, where it is known and moves: then each step is told it, too.
+    pub field: Option<KnownField>,
     /// When the motion is fitted anew.
     pub refit: Refits,
     /// How many motions that may have made the data are followed at once, 1 to 4.
@@ -58,6 +117,7 @@ impl Default for RigidConfig {
             output_noise: None,
             rate_noise: None,
             x_bounds: None,
+            field: None,
             refit: Refits::default(),
             optima: OPTIMA,
         }
@@ -97,6 +157,7 @@ impl RigidConfig {
         check_noise("y_noise", self.y_noise.as_deref(), p)?;
         check_noise("rate_noise", self.rate_noise.as_deref(), n)?;
         check_noise("output_noise", self.output_noise.as_deref(), p)?;
+        self.field.as_ref().map_or(Ok(()), |field| field.check(history))?;
         self.x_bounds.as_ref().map_or(Ok(()), |bounds| check_box("x_bounds", bounds, &[n]))
     }
 }

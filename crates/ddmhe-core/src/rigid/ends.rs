@@ -5,6 +5,7 @@ use crate::error::Error;
 use crate::history::History;
 use crate::mhe::DdMhe;
 use crate::rigid::config::{Refits, RigidConfig, SAMPLES};
+use crate::rigid::measured::Measured;
 use crate::rigid::online::{blank, online};
 
 /// Shares of the longest recording to whose beginnings a body that does not explain it is fitted.
@@ -23,7 +24,7 @@ pub(crate) fn foretells(history: &History, config: &RigidConfig) -> Result<bool,
         others.map(|i| of(history.states(i), history.outputs(i))).collect::<Result<_, _>>()?;
     let count = y.len() / p;
     let of_affine = config.of_affine(config.x_bounds.clone());
-    let of_body = RigidConfig { refit: Refits::Manual, ..config.clone() };
+    let field = config.field.as_ref();
     let mut better = false;
     for share in BEGINNINGS {
         let first = (share * count as f64) as usize;
@@ -33,14 +34,21 @@ pub(crate) fn foretells(history: &History, config: &RigidConfig) -> Result<bool,
         recordings.push(of(&x[..3 * (first + 1)], &y[..p * first])?);
         let beginning = History::concat(&recordings)?;
         recordings.pop();
+        let of_body = RigidConfig {
+            refit: Refits::Manual,
+            field: field.map(|field| field.first(first + 1, p)),
+            ..config.clone()
+        };
         let mut body = online(&beginning, &of_body)?;
         let mut affine = DdMhe::new(&beginning, of_affine.clone())?;
         let (mut estimate, mut errors) = (blank(p), (0.0, 0.0));
         let off = |x: &[f64], truth: &[f64]| -> f64 {
             x.iter().zip(truth).map(|(x, truth)| (x - truth) * (x - truth)).sum()
         };
-        for (y, truth) in y[p * first..].chunks(p).zip(x[3 * (first + 1)..].chunks(3)) {
-            if !body.advance(y, None, &mut estimate) {
+        let later = y[p * first..].chunks(p).zip(x[3 * (first + 1)..].chunks(3));
+        for (k, (y, truth)) in later.enumerate() {
+            let field = field.map(|field| field.at(first + k, p));
+            if !body.advance(&Measured { y, x: None, field }, &mut estimate) {
                 return Ok(false);
             }
             errors.0 += off(&estimate.x, truth);

@@ -1,4 +1,5 @@
-//! Families of motions that are fitted to a recording: where their fits begin.
+//! Families of motions that are fitted to a recording: where their fits begin, and what they are told of
+//! each sample.
 
 use crate::rigid::recording::Recording;
 use ddmhe_run::rigid::layout::unknowns;
@@ -15,17 +16,37 @@ pub(crate) trait Fitted<const P: usize, const N: usize>:
     const SIMULATED: bool;
     /// From which starts it is fitted: without a cubic part, and with one.
     const STARTS: [&'static [usize]; 2];
+    /// How many numbers are known of a sample.
+    const NUMBERS: usize;
 
     /// Where its fit begins.
-    fn start(recording: &Recording<P>, trial: usize, cubic: bool) -> Start<Self, N>;
+    fn start(
+        recording: &Recording<P>,
+        known: &[Self::Known],
+        trial: usize,
+        cubic: bool,
+    ) -> Start<Self, N>;
+
+    /// What a field says of a sample: B (3) and K (p x 3, by rows); both empty where none is known.
+    fn known(B: &[f64], K: &[f64]) -> Self::Known;
+
+    /// Its numbers: B, then K with all P rows.
+    fn numbers(known: &Self::Known) -> Vec<f64>;
 }
 
 impl<const P: usize, const N: usize> Fitted<P, N> for Body<P, N> {
     const OF_OUTPUT: usize = unknowns(1) - unknowns(0);
     const SIMULATED: bool = true;
     const STARTS: [&'static [usize]; 2] = [&[0, 1, 2, 3, 4], &[0]];
+    const NUMBERS: usize = 0;
 
-    fn start(recording: &Recording<P>, trial: usize, cubic: bool) -> Start<Self, N> {
+    fn start(recording: &Recording<P>, _: &[()], trial: usize, cubic: bool) -> Start<Self, N> {
         recording.body(trial, cubic)
+    }
+
+    fn known(_: &[f64], _: &[f64]) {}
+
+    fn numbers((): &()) -> Vec<f64> {
+        Vec::new()
     }
 }

@@ -9,6 +9,7 @@ use crate::interrupt::Interrupt;
 use crate::mhe::DdMhe;
 use crate::rigid::config::RigidConfig;
 use crate::rigid::ends::foretells;
+use crate::rigid::measured::Measured;
 use crate::rigid::online::{Online, blank, online};
 use crate::rigid::report::Report;
 #[cfg(feature = "serde")]
@@ -166,9 +167,7 @@ impl RigidBodyMhe {
     /// # Errors
     /// [`Error::Shape`] or [`Error::NotFinite`] (infinite entry); the estimator is then unchanged.
     pub fn step(&mut self, y: &[f64]) -> Result<&Estimate, Error> {
-        check_output(y, self.history.p())?;
-        self.advance(y, None)?;
-        Ok(&self.estimate)
+        self.step_with(Measured { y, ..Measured::default() })
     }
 
     /// [`step`](Self::step) with rates `x` (3, NaN = not measured) that a sensor read at the instant
@@ -177,9 +176,21 @@ impl RigidBodyMhe {
     /// # Errors
     /// As [`step`](Self::step), of either.
     pub fn step_with_rates(&mut self, y: &[f64], x: &[f64]) -> Result<&Estimate, Error> {
-        check_output(y, self.history.p())?;
-        self.check_rates("x", x, 1)?;
-        self.advance(y, Some(x))?;
+        self.step_with(Measured { y, x: Some(x), field: None })
+    }
+
+    /// [`step`](Self::step) with what else was measured or is known of the instant of y: rates as in
+    /// [`step_with_rates`](Self::step_with_rates), and the field, for an estimator that was made with
+    /// one ([`RigidConfig::field`]). ω(t) is foretold with the field as it would go on from the last
+    /// two samples, linearly; the next step puts what it then is in the place of that.
+    ///
+    /// # Errors
+    /// As [`step`](Self::step), of each; [`Error::Shape`] for a field that is missing or not expected.
+    pub fn step_with(&mut self, sample: Measured<'_>) -> Result<&Estimate, Error> {
+        let p = self.history.p();
+        check_output(sample.y, p)?;
+        sample.check("x", (self.n(), p, self.config.field.is_some()), 1)?;
+        self.advance(&sample)?;
         Ok(&self.estimate)
     }
 
@@ -190,35 +201,33 @@ impl RigidBodyMhe {
     /// As [`step`](Self::step); the whole log is checked first, so a bad row leaves the estimator
     /// unchanged.
     pub fn run(&mut self, ys: &[f64]) -> Result<Log, Error> {
-        self.run_until(ys, None, &mut || false)
+        self.run_until(&Measured { y: ys, ..Measured::default() }, &mut || false)
     }
 
-    /// [`run`](Self::run), with rates `xs` (3 N) where they are given as in
-    /// [`step_with_rates`](Self::step_with_rates), until `stop`, asked every 50 ms or so, is true:
-    /// the log then ends with the last step made.
+    /// [`run`](Self::run) over a log of all that [`step_with`](Self::step_with) takes, until `stop`,
+    /// asked every 50 ms or so, is true: the log then ends with the last step made.
     ///
     /// # Errors
     /// As [`run`](Self::run).
     pub fn run_until(
         &mut self,
-        ys: &[f64],
-        xs: Option<&[f64]>,
+        samples: &Measured<'_>,
         stop: &mut dyn FnMut() -> bool,
     ) -> Result<Log, Error> {
-        let p = self.history.p();
+        let (p, ys) = (self.history.p(), samples.y);
         if !ys.len().is_multiple_of(p) {
             return Err(Error::shape("Y", format!("a multiple of p = {p} numbers"), ys.len()));
         }
         check_measured("Y", ys, p)?;
-        xs.map_or(Ok(()), |xs| self.check_rates("X", xs, ys.len() / p))?;
+        samples.check("X", (self.n(), p, self.config.field.is_some()), ys.len() / p)?;
         let mut log = Log::default();
         log.reserve(ys.len() / p, (self.n(), p), true);
         let mut interrupt = Interrupt::new(stop);
-        for (k, y) in ys.chunks_exact(p).enumerate() {
+        for k in 0..ys.len() / p {
             if interrupt.stopped() {
                 break;
             }
-            self.advance(y, xs.map(|xs| &xs[3 * k..3 * k + 3]))?;
+            self.advance(&samples.at(k, p))?;
             log.push(&self.estimate);
         }
         Ok(log)
@@ -238,18 +247,6 @@ impl RigidBodyMhe {
         self.rigid.restart();
         (self.estimate, self.run) = (Estimate::default(), Judged::NEW);
         Ok(())
-    }
-
-    /// Whether rates of so many samples are finite or not measured.
-    fn check_rates(&self, argument: &'static str, xs: &[f64], count: usize) -> Result<(), Error> {
-        if self.n() != 3 {
-            let expected = "no rates, beside a recording that is not of three";
-            return Err(Error::shape(argument, expected, xs.len()));
-        }
-        if xs.len() != 3 * count {
-            return Err(Error::shape(argument, format!("{} rates", 3 * count), xs.len()));
-        }
-        check_measured(argument, xs, 3)
     }
 
     /// Number of states n; 3 of a body.
@@ -362,7 +359,8 @@ impl RigidBodyMhe {
     }
 
     /// One step on checked input.
-    fn advance(&mut self, y: &[f64], rates: Option<&[f64]>) -> Result<(), Error> {
+    fn advance(&mut self, sample: &Measured<'_>) -> Result<(), Error> {
+        let y = sample.y;
         self.run.t += 1;
         let mut told = false; // whether the affine estimator has this sample
         if self.rigid.is_rigid() {
@@ -379,7 +377,7 @@ impl RigidBodyMhe {
             }
             let worse = own > LOST.0 && own > 2.0 * self.run.score;
             self.run.worse = if worse { self.run.worse + 1 } else { 0 };
-            if self.run.worse <= LOST.1 && self.rigid.advance(y, rates, &mut self.estimate) {
+            if self.run.worse <= LOST.1 && self.rigid.advance(sample, &mut self.estimate) {
                 return Ok(());
             }
             self.rigid.give_up();

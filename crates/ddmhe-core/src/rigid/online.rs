@@ -1,36 +1,32 @@
 //! A run of the rigid body's estimator with at most P outputs.
 
-use crate::config::Bounds;
 use crate::error::Error;
 use crate::estimate::{Estimate, Evidence, EvidenceKind};
 use crate::history::History;
 use crate::rigid::affine::affine_unknowns;
-use crate::rigid::choice::Choice;
-use crate::rigid::config::{Refits, RigidConfig, is_of_rates};
+use crate::rigid::config::{RigidConfig, is_of_rates};
 use crate::rigid::family::Fitted;
-use crate::rigid::recording::{Recording, widened};
+use crate::rigid::ground::Ground;
+use crate::rigid::measured::Measured;
+use crate::rigid::recording::widened;
 use crate::rigid::report::Report;
 #[cfg(feature = "serde")]
-use crate::rigid::saved::Saved;
-use ddmhe_run::rigid::anchoring::{OPTIMA, Optima};
+use crate::rigid::saved::{Saved, wrong};
+use ddmhe_run::rigid::anchoring::OPTIMA;
+use ddmhe_run::rigid::field::field_unknowns;
 use ddmhe_run::rigid::filter::DISAGREE;
-use ddmhe_run::rigid::layout::{INERTIA, TILT, unknowns};
+use ddmhe_run::rigid::layout::unknowns;
 use ddmhe_run::rigid::pass::Units;
-use ddmhe_run::rigid::small::{Matrix, Vector, inertia};
-use ddmhe_run::rigid::stepper::last_fit;
-use ddmhe_run::rigid::{Body, Data, Innovation, Limits, Posterior, Refit, Stepper};
+use ddmhe_run::rigid::small::{Matrix, Vector};
+use ddmhe_run::rigid::{Body, FieldBody, Innovation, Limits, Refit, Stepper};
 use ddmhe_run::{Reasons, Status};
-use faer::{Mat, Side};
 use std::sync::Arc;
-
-/// No body's smallest moment of inertia is less, its mean being 1.
-const LEAST_MOMENT: f64 = 0.02;
 
 /// A run whatever the number of outputs is, for which its type has room.
 pub(crate) trait Online: Send + Sync {
-    /// Consumes y(t-1), and rates of the same instant where they were measured; whether there is a
-    /// motion that foretells x(t). `estimate` says what it is.
-    fn advance(&mut self, y: &[f64], rates: Option<&[f64]>, estimate: &mut Estimate) -> bool;
+    /// Consumes what was measured at t-1; whether there is a motion that foretells x(t). `estimate`
+    /// says what it is.
+    fn advance(&mut self, sample: &Measured<'_>, estimate: &mut Estimate) -> bool;
     /// The box on ω.
     fn limits(&self) -> Option<Limits>;
     /// The moving average of the squared innovations.
@@ -61,28 +57,16 @@ pub(crate) trait Online: Send + Sync {
     fn copy(&self) -> Box<dyn Online>;
 }
 
-/// What the recording alone determines.
-struct Ground<M, const P: usize, const N: usize> {
-    recording: Recording<P>,
-    choice: Choice<M, N>,
-    noise: [f64; P],
-    refit: Option<Refit>,
-    most: usize,
-    limits: Option<Limits>,
-    /// Of the recorded rates: half their deviations, and their ranges with a quarter more.
-    half: [f64; 3],
-    range: [[f64; 2]; 3],
-    /// The machine's vector units.
-    units: Wide,
-}
-
 #[derive(Clone)]
-struct Run<M, const P: usize, const N: usize> {
+struct Run<M: Fitted<P, N>, const P: usize, const N: usize> {
     ground: Arc<Ground<M, P, N>>,
     stepper: Option<Stepper<M, P, N>>,
     later: Vec<[f64; P]>,
     /// Rates that were measured with them; empty as long as none was.
     rates: Vec<[f64; 3]>,
+    /// What is known of all samples, and of the last two; nothing where nothing has to be.
+    known: Vec<M::Known>,
+    recent: Option<[M::Known; 2]>,
 }
 
 /// What a recording of other than three rates leaves.
@@ -90,7 +74,7 @@ struct Run<M, const P: usize, const N: usize> {
 struct NoBody;
 
 impl Online for NoBody {
-    fn advance(&mut self, _: &[f64], _: Option<&[f64]>, _: &mut Estimate) -> bool {
+    fn advance(&mut self, _: &Measured<'_>, _: &mut Estimate) -> bool {
         false
     }
 
@@ -158,100 +142,15 @@ pub(crate) fn online(history: &History, config: &RigidConfig) -> Result<Box<dyn 
     if !is_of_rates(history) {
         return Ok(Box::new(NoBody));
     }
+    if config.field.is_some() {
+        type InField = FieldBody<3, { field_unknowns(3) }>;
+        return Ok(Box::new(Run::<InField, _, _>::new::<{ affine_unknowns(3) }>(history, config)?));
+    }
     match history.p() {
         1 => of::<1, { unknowns(1) }, { affine_unknowns(1) }>(history, config),
         2 | 3 => of::<3, { unknowns(3) }, { affine_unknowns(3) }>(history, config),
         _ => of::<6, { unknowns(6) }, { affine_unknowns(6) }>(history, config),
     }
-}
-
-/// The widest that the machine has.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct Wide(pulp::Arch);
-
-impl Units for Wide {
-    #[inline(always)]
-    fn run<R>(&self, work: impl FnOnce() -> R) -> R {
-        self.0.dispatch(work)
-    }
-}
-
-impl<M: Fitted<P, N>, const P: usize, const N: usize> Ground<M, P, N> {
-    fn new<const NA: usize>(history: &History, config: &RigidConfig) -> Result<Self, Error> {
-        let recording = Recording::<P>::new(history, config)?;
-        let choice = Choice::of::<P, NA>(&recording, M::EVERYWHERE);
-        let mut noise = recording.of_later;
-        for (own, recorded) in noise.iter_mut().zip(&recording.of_y) {
-            *own = own.max(if choice.explained { 0.0 } else { recorded * choice.inflation });
-        }
-        let refit = choice.explained.then_some(match config.refit {
-            Refits::Sliced => Refit::Sliced,
-            Refits::Now => Refit::Now,
-            Refits::Manual => Refit::Manual,
-        });
-        let limits = match &config.x_bounds {
-            Some(Bounds { lo, hi }) => {
-                Some(Limits { lo: [lo[0], lo[1], lo[2]], hi: [hi[0], hi[1], hi[2]] })
-            }
-            None if choice.explained => {
-                let most = fastest(&choice.optima) * (recording.fastest + 3.0 * recording.of_x[0]);
-                Some(Limits { lo: [-most; 3], hi: [most; 3] })
-            }
-            None => None,
-        };
-        let (half, range) = spread(&recording.x);
-        let most = config.optima;
-        let units = Wide(pulp::Arch::new());
-        Ok(Ground { recording, choice, noise, refit, most, limits, half, range, units })
-    }
-
-    fn start(&self) -> Option<Stepper<M, P, N>> {
-        let settings = (self.recording.size, self.recording.known, self.most);
-        Stepper::new(&self.choice.optima, &self.noise, self.refit, settings)
-    }
-
-    /// The recording and what came since.
-    fn data<'a>(&'a self, later: &'a [[f64; P]], rates: &'a [[f64; 3]]) -> Data<'a, P, M::Known> {
-        Data { later, rates, of_later: self.noise, ..self.recording.data(M::EVERYWHERE, 0.0) }
-    }
-
-    /// How many later outputs are kept.
-    fn room(&self) -> usize {
-        let last = last_fit(self.recording.y.len()) + 1;
-        // slices of the last fits, and what is replayed after them
-        if self.refit == Some(Refit::Sliced) { 2 * last } else { last }
-    }
-}
-
-/// By what factor a braked body may turn faster than it has turned: √(largest / smallest moment of
-/// inertia), with three deviations on either, of the optimum that allows most. Energy is not gained.
-fn fastest<M, const N: usize>(optima: &Optima<M, N>) -> f64 {
-    let of = |found: &Posterior<M, N>| {
-        let J = inertia(&found.z[INERTIA..TILT]);
-        let spread: f64 = (INERTIA..TILT).map(|i| found.P[i][i]).sum::<f64>().sqrt();
-        let moments = Mat::from_fn(3, 3, |i, k| J[i][k]).self_adjoint_eigenvalues(Side::Lower);
-        let Ok(moments) = moments else { return f64::INFINITY };
-        let (least, most) = (moments[0] - 3.0 * spread, moments[2] + 3.0 * spread);
-        // two moments exceed the third
-        (most.min(1.5) / least.max(LEAST_MOMENT)).sqrt()
-    };
-    optima.iter().flatten().map(of).fold(1.0, f64::max)
-}
-
-/// Half the deviations of recorded rates, and their ranges with a quarter more on either side.
-fn spread(x: &[[f64; 3]]) -> ([f64; 3], [[f64; 2]; 3]) {
-    let count = x.len() as f64;
-    let column = |i: usize| x.iter().map(move |w| w[i]);
-    let half = [0, 1, 2].map(|i| {
-        let mean = column(i).sum::<f64>() / count;
-        0.5 * (column(i).map(|v| (v - mean) * (v - mean)).sum::<f64>() / count).sqrt()
-    });
-    let range = [0, 1, 2].map(|i| {
-        let (lo, hi) = (column(i).fold(f64::MAX, f64::min), column(i).fold(f64::MIN, f64::max));
-        let more = 0.25 * (hi - lo);
-        [lo - more, hi + more]
-    });
-    (half, range)
 }
 
 impl<M: Fitted<P, N>, const P: usize, const N: usize> Run<M, P, N> {
@@ -261,17 +160,47 @@ impl<M: Fitted<P, N>, const P: usize, const N: usize> Run<M, P, N> {
         // nothing is allocated later
         let room = if stepper.is_some() { ground.room() } else { 0 };
         let (later, rates) = (Vec::with_capacity(room), Vec::with_capacity(room));
-        Ok(Run { ground: Arc::new(ground), stepper, later, rates })
+        let driven = if M::DRIVEN { ground.known.len() + room } else { 0 };
+        let (known, recent) = (Vec::with_capacity(driven), None);
+        let mut run = Run { ground: Arc::new(ground), stepper, later, rates, known, recent };
+        run.know_the_recording();
+        Ok(run)
+    }
+
+    /// Forgets what was known of later samples.
+    fn know_the_recording(&mut self) {
+        self.known.clear();
+        self.known.extend_from_slice(&self.ground.known);
+        self.recent = self.known.last_chunk().copied();
+    }
+
+    /// Takes a driven motion to the sample of which this is known; false where it runs away.
+    fn arrive(&mut self, known: M::Known) -> bool {
+        let (Some(stepper), Some(recent)) = (&mut self.stepper, &mut self.recent) else {
+            return true;
+        };
+        let recording = &self.ground.recording;
+        let before = stepper.t > 0 || recording.x.len() == recording.y.len();
+        if before {
+            recent[0] = recent[1];
+        }
+        recent[1] = known;
+        let limits = self.ground.limits.as_ref();
+        !before || stepper.mixture.arrive((&recent[0], &recent[1]), limits)
     }
 
     /// Keeps what was measured as long as there may be a fit of it.
-    fn keep(&mut self, y: [f64; P], rates: Option<[f64; 3]>) {
+    fn keep(&mut self, y: [f64; P], rates: Option<[f64; 3]>, known: M::Known) {
         let Some(stepper) = &mut self.stepper else { return };
         let room = self.ground.room();
         let gap = stepper.t > self.later.len() + 1;
         if stepper.refit != Some(Refit::Manual) && (gap || self.later.len() >= room) {
             stepper.work = None;
             return;
+        }
+        if M::DRIVEN {
+            self.known.truncate(self.ground.recording.y.len() + self.later.len());
+            self.known.push(known);
         }
         self.later.push(y);
         if let (Some(x), true) = (rates, self.rates.is_empty()) {
@@ -280,6 +209,33 @@ impl<M: Fitted<P, N>, const P: usize, const N: usize> Run<M, P, N> {
         } else if !self.rates.is_empty() {
             self.rates.push(rates.unwrap_or([f64::NAN; 3]));
         }
+    }
+
+    /// What a saved run knew of later samples.
+    #[cfg(feature = "serde")]
+    fn know_again(&mut self, saved: &Saved) -> Result<(), Error> {
+        self.know_the_recording();
+        if !M::DRIVEN || self.stepper.is_none() {
+            return Ok(());
+        }
+        let whole = saved.known.len().is_multiple_of(M::NUMBERS);
+        if !whole || saved.known.iter().any(|v| !v.is_finite()) {
+            return Err(wrong());
+        }
+        let numbers = saved.known.chunks(M::NUMBERS);
+        let read = numbers.map(|numbers| M::known(&numbers[..3], &numbers[3..]));
+        let read = read.collect::<Vec<_>>();
+        let (later, recent) = read.split_last_chunk().ok_or_else(wrong)?;
+        let recorded = self.ground.recording.y.len();
+        let all = later.len() == self.later.len()
+            || (self.later.is_empty() && recorded + later.len() == self.known.len());
+        if !all {
+            return Err(wrong());
+        }
+        self.known.truncate(recorded);
+        self.known.extend_from_slice(later);
+        self.recent = Some(*recent);
+        Ok(())
     }
 
     /// What the step found.
@@ -330,24 +286,34 @@ pub(crate) fn blank(p: usize) -> Estimate {
 }
 
 impl<M: Fitted<P, N>, const P: usize, const N: usize> Online for Run<M, P, N> {
-    fn advance(&mut self, y: &[f64], rates: Option<&[f64]>, estimate: &mut Estimate) -> bool {
+    fn advance(&mut self, given: &Measured<'_>, estimate: &mut Estimate) -> bool {
+        let (B, K) = given.field.unwrap_or_default();
+        let known = M::known(B, K);
+        let arrived = !M::DRIVEN || self.arrive(known);
         let Some(stepper) = &mut self.stepper else { return false };
-        let mut sample = widened(y);
-        let mut rates = rates.map(|x| [x[0], x[1], x[2]]);
+        let mut sample = widened(given.y);
+        let mut rates = given.x.map(|x| [x[0], x[1], x[2]]);
         let noise = self.ground.recording.of_rates;
         let (said, foretold) = self.ground.units.run(
             #[inline(always)]
-            || stepper.advance(&mut sample, &M::EVERYWHERE[0], rates.as_mut().map(|x| (x, &noise))),
+            || stepper.advance(&mut sample, &known, rates.as_mut().map(|x| (x, &noise))),
         );
+        let foretold = foretold && arrived;
         if foretold {
-            self.keep(sample, rates);
+            self.keep(sample, rates, known);
         }
         let Some(stepper) = &mut self.stepper else { return false };
         if foretold {
-            let data = self.ground.data(&self.later, &self.rates);
+            let data = self.ground.data((&self.later, &self.rates), &self.known);
             stepper.anchor(&data, self.ground.limits.as_ref(), &self.ground.units);
         }
-        let now = stepper.mixture.mean();
+        let now = match &self.recent {
+            Some([before, last]) => {
+                let next = M::ahead(before, last);
+                stepper.mixture.mean_ahead((last, &next), self.ground.limits.as_ref())
+            }
+            None => stepper.mixture.mean(),
+        };
         if !foretold || now.0.iter().any(|v| !v.is_finite()) {
             return false;
         }
@@ -365,7 +331,7 @@ impl<M: Fitted<P, N>, const P: usize, const N: usize> Online for Run<M, P, N> {
     }
 
     fn refit(&mut self) -> bool {
-        let data = self.ground.data(&self.later, &self.rates);
+        let data = self.ground.data((&self.later, &self.rates), &self.known);
         self.stepper.as_mut().is_some_and(|stepper| stepper.fit_anew(&data, &self.ground.units))
     }
 
@@ -384,6 +350,7 @@ impl<M: Fitted<P, N>, const P: usize, const N: usize> Online for Run<M, P, N> {
         self.stepper = self.ground.start();
         self.later.clear();
         self.rates.clear();
+        self.know_the_recording();
     }
 
     fn is_rigid(&self) -> bool {
@@ -408,7 +375,9 @@ impl<M: Fitted<P, N>, const P: usize, const N: usize> Online for Run<M, P, N> {
 
     #[cfg(feature = "serde")]
     fn saved(&self) -> Saved {
-        Saved::of(self.stepper.as_ref(), &self.later, &self.rates)
+        let known = self.known.get(self.ground.recording.y.len()..).unwrap_or(&[]);
+        let known = known.iter().chain(self.recent.iter().flatten()).flat_map(M::numbers);
+        Saved::of(self.stepper.as_ref(), &self.later, &self.rates, known.collect())
     }
 
     #[cfg(feature = "serde")]
@@ -417,9 +386,10 @@ impl<M: Fitted<P, N>, const P: usize, const N: usize> Online for Run<M, P, N> {
         let room = self.ground.room();
         (self.stepper, self.later, self.rates) =
             saved.resumed(new, &self.ground.recording, room)?;
+        self.know_again(saved)?;
         if let Some(stepper) = &mut self.stepper {
             let ground = &self.ground;
-            let data = ground.data(&self.later, &self.rates);
+            let data = ground.data((&self.later, &self.rates), &self.known);
             saved.resume_work(stepper, &ground.recording, (&data, &ground.units))?;
         }
         Ok(())

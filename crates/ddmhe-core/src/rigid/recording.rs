@@ -17,9 +17,14 @@ const TURN: f64 = 0.08;
 const RUNS_AWAY: f64 = 30.0;
 /// Least noise, relative to a signal's size: it stands in for a recording without any.
 const LEAST_NOISE: f64 = 1e-6;
-/// Prior standard deviations: of j; of β; of S, in units of W; of G and C, of (size of y)/W; of r, of
-/// the size of y; of γ.
-const SPREAD: [f64; 6] = [0.35, 1.0, 0.3, 10.0, 0.1, 0.5];
+/// Prior standard deviation of j.
+pub(crate) const INERTIAS: f64 = 0.35;
+/// Of r, in units of the size of y.
+pub(crate) const OFFSETS: f64 = 0.1;
+/// Of γ.
+pub(crate) const GAMMA: f64 = 0.5;
+/// Of β; of S, in units of W; of G and C, of (size of y)/W.
+const SPREAD: [f64; 3] = [1.0, 0.3, 10.0];
 /// Two draws of j from a standard normal distribution, from which fits begin, too.
 const DRAWS: [[f64; 5]; 2] = [
     [
@@ -99,6 +104,10 @@ impl<const P: usize> Recording<P> {
         let change = Mat::from_fn(T, 3, |k, i| (pairs[k].1[i] - pairs[k].0[i]) / dt);
         let seen = least_squares(&regressors, &shown, 0.0).transpose().to_owned();
         let moved = least_squares(&regressors, &change, 0.0).transpose().to_owned();
+        let mut x = x;
+        if config.field.as_ref().is_some_and(|field| field.count() == T) {
+            x.truncate(T); // of the one recording: what leads to the last rate is not known
+        }
         let known = config.x_noise.is_some() && config.y_noise.is_some();
         let (quickest, limit) = all().map(rates).fold((0.0, 0.0), |(most, limit), x| {
             (f64::max(most, fastest(x)), f64::max(limit, RUNS_AWAY * turn(x)))
@@ -172,21 +181,18 @@ impl<const P: usize> Recording<P> {
         let b0 = self.little_seen(trial % 4);
         let N0 = complement(&b0);
         let (p, W, size) = (self.p, self.W, self.size);
-        let [j, beta, S, G, r, gamma] = SPREAD;
+        let [beta, S, G] = SPREAD;
         let mut spread = [1.0; N];
-        spread[INERTIA..TILT].fill(j);
+        spread[INERTIA..TILT].fill(INERTIAS);
         spread[TILT..DRAG].fill(beta);
         spread[DRAG..DRAG_CUBIC].fill(S * W);
-        spread[DRAG_CUBIC] = gamma;
+        spread[DRAG_CUBIC] = GAMMA;
         spread[GAIN..GAIN + 2 * p].fill(G * size / W);
-        spread[offset(P)..offset(P) + p].fill(r * size);
-        spread[output_cubic(P)] = gamma;
+        spread[offset(P)..offset(P) + p].fill(OFFSETS * size);
+        spread[output_cubic(P)] = GAMMA;
         let mut z = [0.0; N];
         z[..3].copy_from_slice(&self.last().0[0]);
-        if trial == 2 || trial == 4 {
-            let draw = &DRAWS[trial / 2 - 1];
-            z[INERTIA..TILT].iter_mut().zip(draw).for_each(|(z, v)| *z = j * v);
-        }
+        z[INERTIA..TILT].copy_from_slice(&drawn(trial));
         for i in 0..p {
             for k in 0..2 {
                 z[GAIN + 2 * i + k] = (0..3).map(|l| C[(i, l)] * N0[l][k]).sum();
@@ -222,7 +228,7 @@ impl<const P: usize> Recording<P> {
             (0..3).for_each(|k| z[gains + 3 * i + k] = self.seen[(i, k)]);
             z[offsets + i] = self.seen[(i, 3)];
         }
-        spread[gains..gains + 3 * self.p].fill(SPREAD[3] * self.size / self.W);
+        spread[gains..gains + 3 * self.p].fill(SPREAD[2] * self.size / self.W);
         spread[offsets..offsets + self.p].fill(self.size);
         let motion = Affine { steps: self.steps(), spread };
         Start { motion, z, firsts: self.firsts() }
@@ -248,6 +254,14 @@ fn turn(x: &[[f64; 3]]) -> f64 {
 
 fn squared(w: &[f64; 3]) -> f64 {
     w.iter().map(|v| v * v).sum()
+}
+
+/// j where the fit of a trial begins: the sphere's, or drawn.
+pub(crate) fn drawn(trial: usize) -> [f64; 5] {
+    match trial {
+        2 | 4 => DRAWS[trial / 2 - 1].map(|v| INERTIAS * v),
+        _ => [0.0; 5],
+    }
 }
 
 /// What was stated of each channel, else what was recorded; at least so much.

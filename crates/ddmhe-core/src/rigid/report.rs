@@ -36,7 +36,8 @@ pub struct Report {
     pub inertia: [[f64; 3]; 3],
     /// Standard deviations of its entries.
     pub inertia_std: [[f64; 3]; 3],
-    /// The direction about which a turn shows in no output and is not braked, of length 1.
+    /// The direction about which a turn shows in no output and is not braked, of length 1; NaN in a
+    /// known field, which moves: none stays so.
     pub unseen: [f64; 3],
     /// All of it in sentences.
     pub words: Vec<String>,
@@ -111,13 +112,18 @@ impl Report {
             ),
         };
         let [x, y, z] = self.unseen;
-        vec![
-            first,
-            format!(
+        let second = match x.is_nan() {
+            true => {
+                "what shows in no output changes with the field, as B does: no direction stays \
+                     unseen while it turns"
+                    .into()
+            }
+            false => format!(
                 "a turn about ({x:.3}, {y:.3}, {z:.3}) shows in no output: nothing can tell an \
                  error along it but the motion, if the body is rigid"
             ),
-        ]
+        };
+        vec![first, second]
     }
 }
 

@@ -18,6 +18,8 @@ pub(crate) struct Saved {
     t: usize,
     later: Vec<f64>,
     rates: Vec<f64>,
+    /// Of later samples, then of the last two.
+    pub known: Vec<f64>,
     fits: usize,
     begun: usize,
     unexplained: bool,
@@ -42,6 +44,7 @@ impl Saved {
         stepper: Option<&Stepper<M, P, N>>,
         later: &[[f64; P]],
         rates: &[[f64; 3]],
+        known: Vec<f64>,
     ) -> Self {
         let Some(stepper) = stepper else { return Saved::default() };
         let work = match &stepper.work {
@@ -59,6 +62,7 @@ impl Saved {
             t: stepper.t,
             later: later.as_flattened().to_vec(),
             rates: rates.as_flattened().to_vec(),
+            known,
             fits: stepper.fits,
             begun: stepper.begun,
             unexplained: stepper.unexplained,
@@ -148,7 +152,7 @@ impl Saved {
     }
 }
 
-fn wrong() -> Error {
+pub(crate) fn wrong() -> Error {
     Error::value("blob", "an estimator of a rigid body", "numbers of none")
 }
 

@@ -258,4 +258,5 @@ impl<const P: usize, const N: usize> Family<P, N> for Body<P, N> {
         let length = dot(&b, &b).root();
         Some(b.map(|v| v / length))
     }
+    fn ahead((): &(), (): &()) {}
 }

@@ -105,6 +105,9 @@ pub trait Family<const P: usize, const N: usize>: Motion<P, N> + Copy {
     /// The direction about which no turn is braked or shows, of length 1, if there is one.
     fn unseen(&self, z: &[f64; N]) -> Option<Vector>;
 
+    /// What would be known of the sample after the last two, if it went on as before.
+    fn ahead(before: &Self::Known, last: &Self::Known) -> Self::Known;
+
     /// Whether offsets of the outputs are free; else they are within a tenth of the noise.
     fn has_offset(&self, noise: &[f64; P]) -> bool {
         self.spread()[Self::OFFSETS] > noise[0]

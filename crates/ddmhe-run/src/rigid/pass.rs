@@ -27,8 +27,8 @@ pub struct Data<'a, const P: usize, K = ()> {
     pub later: &'a [[f64; P]],
     /// Later rates, as many as there are later outputs, or none of all.
     pub rates: &'a [Vector],
-    /// What is known of each sample: of the motion [`Motion::EVERYWHERE`] where nothing has to be.
-    /// One that is driven stands still after the last of them.
+    /// What is known of each sample: of the motion [`Motion::EVERYWHERE`] where nothing has to be. One
+    /// that is driven stands still after the last of them.
     pub known: &'a [K],
     /// Noise of recorded rates.
     pub of_x: Vector,
@@ -66,6 +66,13 @@ impl<const P: usize, K> Data<'_, P, K> {
             true => (&self.y[k], &self.of_y),
             false => (&self.later[k - self.y.len()], &self.of_later),
         }
+    }
+
+    /// What is known of the samples from k on, of those that a fit to `end` outputs is of.
+    #[inline(always)]
+    fn known_from(&self, k: usize, end: usize, driven: bool) -> &[K] {
+        let until = if driven { end.max(self.x.len()) } else { usize::MAX };
+        self.known.get(k..until.min(self.known.len())).unwrap_or(&[])
     }
 
     /// The rates that were measured with later output k.
@@ -238,7 +245,7 @@ impl<const P: usize, const N: usize> Pass<P, N> {
             if let Some(x) = own.rate(self.next) {
                 self.rate(x, &own.of_rates);
             }
-            let known = own.known.get(self.next..).unwrap_or(&[]);
+            let known = own.known_from(self.next, until, M::DRIVEN);
             if let Some(now) = known.first() {
                 self.output(motion, (&parts, now), own.output(self.next));
             }
@@ -282,7 +289,7 @@ impl<const P: usize, const N: usize> Pass<P, N> {
             if let Some(x) = own.rate(self.next) {
                 self.cost += (0..3).map(|i| square(x[i] - w[i], own.of_rates[i])).sum::<f64>();
             }
-            let known = own.known.get(self.next..).unwrap_or(&[]);
+            let known = own.known_from(self.next, until, M::DRIVEN);
             if let Some(now) = known.first() {
                 let ((y, noise), expected) =
                     (own.output(self.next), motion.output(&parts, now, &w));
