@@ -215,6 +215,47 @@ def test_manual_fits_are_those_of_now():
     assert np.array_equal(manual.step(Y[50]).x, now.step(Y[50]).x)
 
 
+def test_a_fit_by_hand_may_take_several_calls():
+    """Without steps in between it ends as one at once. With some the filter goes on meanwhile, and
+    then from the fit, with what came since; half a fit is saved and continued."""
+    history, settings, Y, _ = golden("target 2")
+    first = ddmhe.RigidBodyMhe(history, refit="manual", **settings)
+    first.run(Y[:50])
+    parts, plain = copy.copy(first), copy.copy(first)
+    assert first.refit() is True
+    calls = 0
+    while (explained := parts.refit(0.0)) is None:
+        calls += 1
+    assert explained is True
+    assert calls > 10
+    assert same(parts.run(Y[50:60]), first.run(Y[50:60]))
+    waiting = copy.copy(plain)
+    assert waiting.refit(budget_s=0.0) is None
+    assert same(waiting.run(Y[50:80]), plain.run(Y[50:80]))
+    restored = ddmhe.RigidBodyMhe.restore(waiting.snapshot())
+    for est in (waiting, restored):
+        while est.refit(0.0) is None:
+            pass
+    assert waiting.report().evidence != plain.report().evidence
+    assert same(waiting.run(Y[80:]), restored.run(Y[80:]))
+    # it ends where a fit at once does that then consumes the same outputs
+    off = np.abs(waiting.estimate.x - first.run(Y[60:]).x[-1])
+    assert np.all(off < 0.1 * waiting.estimate.std)
+    with pytest.raises(ddmhe.DdmheError, match="budget_s"):
+        plain.refit(-1.0)
+    with pytest.raises(ddmhe.DdmheError, match="budget_s"):
+        plain.refit(np.nan)
+
+
+def test_a_fit_by_hand_where_not_all_outputs_are_kept_is_refused():
+    history, settings, *_ = golden("target 2")
+    est = ddmhe.RigidBodyMhe(history, optima=1, **settings)
+    silent = np.full((33 * RECORDED, 3), np.nan)
+    est.run(silent)
+    assert est.refit() is False
+    assert est.refit(1.0) is False
+
+
 def test_the_report_says_what_the_body_is(made):
     est, Y = copy.copy(made[0]), made[1]
     before = est.report()

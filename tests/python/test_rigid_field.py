@@ -168,6 +168,25 @@ def test_copies_and_pickles_go_on_with_the_same_numbers(case, refit, before, kno
         assert np.array_equal(e.x, log.x[k])
 
 
+def test_fits_by_hand_go_on_with_the_field_that_came_since(case):
+    """A fit beside steps ends with estimates of what is fitted and of what came since."""
+    history, Y, field, truth = case
+    est = ddmhe.RigidBodyMhe(history, field=part(field, RECORDING), refit="manual")
+    est.run(Y[:150], field=part(field, slice(RECORDED, RECORDED + 150)))
+    plain, before = copy.copy(est), est.report().evidence
+    for k in range(150, 600):
+        now = part(field, RECORDED + k)
+        ended, e = est.refit(1e-5), est.step(Y[k], field=now)
+        plain.step(Y[k], field=now)
+        if ended is not None:
+            break
+    assert ended is True
+    assert est.report().evidence != before
+    assert not np.array_equal(e.x, plain.estimate.x)
+    assert np.all(np.abs(e.x - truth[k]) < 4 * e.std)
+    assert np.all(e.std < 1.01 * plain.estimate.std)
+
+
 def test_the_report_says_that_no_direction_stays_unseen(case):
     history, _, field, _ = case
     report = ddmhe.RigidBodyMhe(history, field=part(field, RECORDING)).report()
@@ -221,6 +240,16 @@ def test_bad_fields_are_named(case, change, words):
     history, _, field, _ = case
     with pytest.raises(ddmhe.DdmheError, match=words):
         ddmhe.RigidBodyMhe(history, field=change(*part(field, RECORDING)))
+
+
+def test_a_field_is_of_one_recording(case):
+    _, _, field, _ = case
+    x, y, _ = turning_body(0, seconds=20.0)
+    two = ddmhe.History.concat(
+        [ddmhe.History(x[:101], y[:100]), ddmhe.History(x[100:], y[100:200])]
+    )
+    with pytest.raises(ddmhe.ShapeError, match="field: expected none, or one recording"):
+        ddmhe.RigidBodyMhe(two, field=part(field, slice(200)))
 
 
 def test_four_outputs_are_more_than_there_is_room_for():

@@ -2,7 +2,7 @@
 //! reference in Python.
 
 use crate::systems::noise;
-use ddmhe_core::rigid::{Refits, RigidConfig};
+use ddmhe_core::rigid::{KnownField, Measured, Refits, RigidConfig};
 use ddmhe_core::{Bounds, Config, DdMhe, History, RigidBodyMhe, Status};
 
 const DT: f64 = 0.1;
@@ -150,4 +150,57 @@ fn the_affine_estimator_rests_and_takes_over_where_outputs_are_no_body_s() {
     let begun = (turned..turned + 20).find(|from| of_run(*from) == mhe.estimate().x);
     assert!(begun.is_some());
     assert_ne!(of_run(0), mhe.estimate().x);
+}
+
+/// The cross product.
+fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
+    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+}
+
+#[test]
+fn steps_in_a_known_field_allocate_nothing() {
+    // braked by B × M (B × ω), B turned; outputs are what K = [B] + 1 shows of the moment
+    let (J, M, recorded, count) = ([0.8, 1.0, 1.2], [0.01, 0.02, 0.015], 150, 1000);
+    let of = |t: f64| [(0.3 * t).cos(), (0.3 * t).sin(), 0.4];
+    let moment = |B: [f64; 3], w: [f64; 3]| {
+        let u = cross(B, w);
+        [0, 1, 2].map(|i| M[i] * u[i])
+    };
+    let (mut w, mut x, mut y) = ([0.2, 0.15, -0.1], Vec::new(), Vec::new());
+    let (mut Bs, mut Ks) = (Vec::new(), Vec::new());
+    for k in 0..count {
+        let B = of(k as f64 * DT);
+        let m = moment(B, w);
+        let torque = cross(B, m);
+        x.extend(w);
+        y.extend([0, 1, 2].map(|i| -3.0 * (torque[i] + m[i])));
+        Bs.extend(B);
+        Ks.extend([1.0, -B[2], B[1], B[2], 1.0, -B[0], -B[1], B[0], 1.0]);
+        for step in 0..50 {
+            let B = of((k as f64 + f64::from(step) / 50.0) * DT);
+            let drag = cross(B, moment(B, w));
+            let gyro = cross(w, [0, 1, 2].map(|i| J[i] * w[i]));
+            (0..3).for_each(|i| w[i] += DT / 50.0 * (drag[i] - gyro[i]) / J[i]);
+        }
+    }
+    let (length, size) = (x.len(), y.len());
+    x.iter_mut().zip(noise(1, length, 1e-4)).for_each(|(v, e)| *v += e);
+    y.iter_mut().zip(noise(2, size, 1e-3)).for_each(|(v, e)| *v += e);
+    let history = History::new(3, 3, &x[..3 * (recorded + 1)], &y[..3 * recorded], DT).unwrap();
+    let field = KnownField { B: Bs[..3 * recorded].to_vec(), K: Ks[..9 * recorded].to_vec() };
+    let config =
+        RigidConfig { field: Some(field), refit: Refits::Sliced, ..RigidConfig::default() };
+    let mut mhe = RigidBodyMhe::new(&history, config, None).unwrap();
+    assert!(mhe.explained());
+    assert!(mhe.step(&y[..3]).is_err());
+    let mut step = |k: usize| {
+        let field = Some((&Bs[3 * k..3 * k + 3], &Ks[9 * k..9 * k + 9]));
+        let sample = Measured { y: &y[3 * k..3 * k + 3], x: None, field };
+        assert_eq!(mhe.step_with(sample).unwrap().status, Status::Structured);
+    };
+    step(recorded); // makes the estimate's room
+    let found = allocation_counter::measure(|| (recorded + 1..count - 1).for_each(&mut step));
+    assert_eq!(found.count_total, 0);
+    let off = |i: usize| (mhe.estimate().x[i] - x[3 * (count - 1) + i]).abs();
+    assert!((0..3).all(|i| off(i) < 5e-4));
 }

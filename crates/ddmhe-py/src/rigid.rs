@@ -17,6 +17,7 @@ use numpy::{Ix1, Ix2, PyArray1, PyArray2};
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PySlice, PyType};
 use std::sync::MutexGuard;
+use std::time::{Duration, Instant};
 
 /// The rates of a tumbling rigid body that eddy currents brake, from a torque.
 ///
@@ -57,7 +58,8 @@ use std::sync::MutexGuard;
 ///     .7, 1, 1.4 and 2 lengths of the recording (of all together) behind its end, and then each time
 ///     that 1.15 times as much has passed, up to 32. "now": in the steps that it is due in, which take
 ///     some 10 ms to some 100 ms. "sliced": a little with each step, while the filter goes on; fits
-///     then come later and are fewer, and errors larger. "manual": when refit is called.
+///     then come later and are fewer, and errors larger. "manual": when refit is called, which may
+///     have a budget of time.
 /// optima : int
 ///     How many motions that may have made the data are followed at once, 1 to 4, each with its
 ///     probability: the estimate is their mean, and its covariance has how far they are apart. 1: the
@@ -252,10 +254,23 @@ impl RigidBodyMhe {
     }
 
     /// Fit the motion anew to recording and all outputs since; whether a rigid body explains them.
-    fn refit(&self, py: Python<'_>) -> PyResult<bool> {
+    /// False, too, where refit is not "manual" and more has passed than outputs are kept.
+    ///
+    /// budget_s : float, optional
+    ///     Stop after about so many seconds. None is then returned where that was not enough; the next
+    ///     call goes on from there, with steps in between or without, and at the end the estimates are
+    ///     of the new motion. None: to the end, of all that was measured up to now.
+    #[pyo3(signature = (budget_s=None))]
+    fn refit(&self, py: Python<'_>, budget_s: Option<f64>) -> PyResult<Option<bool>> {
         let mut core = self.core()?;
         let core = &mut *core;
-        Ok(py.detach(|| core.refit()))
+        let Some(budget) = budget_s else { return Ok(Some(py.detach(|| core.refit()))) };
+        let budget = Duration::try_from_secs_f64(budget).map_err(|_| {
+            let expected = "budget_s: expected seconds, 0 or more";
+            DdmheError::new_err(format!("{expected}, found {budget}"))
+        })?;
+        let begun = Instant::now();
+        Ok(py.detach(|| core.refit_while(&mut || begun.elapsed() < budget)))
     }
 
     /// Back to the recording's end, as constructed.

@@ -233,9 +233,27 @@ impl RigidBodyMhe {
         Ok(log)
     }
 
-    /// Fits recording and all outputs since anew; whether a rigid body explains them.
+    /// Fits recording and all outputs since anew; whether a rigid body explains them. False, too, where
+    /// fits are not manual and more has passed than outputs are kept.
     pub fn refit(&mut self) -> bool {
         self.rigid.refit()
+    }
+
+    /// [`refit`](Self::refit) as long as `time_left`, asked after each slice of some 20 µs: None where
+    /// that was not enough. Steps may be made in between; the next call goes on where this one stopped,
+    /// and at the end the filters go on from the fits, with what came since. Where several motions are
+    /// followed some 100 µs are needed at once.
+    ///
+    /// # Example
+    /// ```no_run
+    /// # use ddmhe_core::{RigidBodyMhe, Error};
+    /// # fn idle(estimator: &mut RigidBodyMhe) {
+    /// let end = std::time::Instant::now() + std::time::Duration::from_millis(2);
+    /// let explained = estimator.refit_while(&mut || std::time::Instant::now() < end);
+    /// # }
+    /// ```
+    pub fn refit_while(&mut self, time_left: &mut dyn FnMut() -> bool) -> Option<bool> {
+        self.rigid.refit_while(time_left)
     }
 
     /// Back to the recording's end, as a new estimator.

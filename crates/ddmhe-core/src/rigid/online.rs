@@ -33,6 +33,8 @@ pub(crate) trait Online: Send + Sync {
     fn score(&self) -> f64;
     /// Fits all data anew; whether a rigid body explains them.
     fn refit(&mut self) -> bool;
+    /// Goes on with that as long as there is time; None where it has not ended.
+    fn refit_while(&mut self, time_left: &mut dyn FnMut() -> bool) -> Option<bool>;
     /// Leaves the rest of the run to another estimator.
     fn give_up(&mut self);
     /// Leaves every run to it.
@@ -88,6 +90,10 @@ impl Online for NoBody {
 
     fn refit(&mut self) -> bool {
         false
+    }
+
+    fn refit_while(&mut self, _: &mut dyn FnMut() -> bool) -> Option<bool> {
+        Some(false)
     }
 
     fn give_up(&mut self) {}
@@ -333,6 +339,13 @@ impl<M: Fitted<P, N>, const P: usize, const N: usize> Online for Run<M, P, N> {
     fn refit(&mut self) -> bool {
         let data = self.ground.data((&self.later, &self.rates), &self.known);
         self.stepper.as_mut().is_some_and(|stepper| stepper.fit_anew(&data, &self.ground.units))
+    }
+
+    fn refit_while(&mut self, time_left: &mut dyn FnMut() -> bool) -> Option<bool> {
+        let ground = &self.ground;
+        let data = ground.data((&self.later, &self.rates), &self.known);
+        let Some(stepper) = &mut self.stepper else { return Some(false) };
+        stepper.fit_while(&data, ground.limits.as_ref(), &ground.units, time_left)
     }
 
     fn give_up(&mut self) {

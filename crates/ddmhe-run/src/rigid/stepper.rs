@@ -203,9 +203,38 @@ impl<M: Family<P, N>, const P: usize, const N: usize> Stepper<M, P, N> {
         true
     }
 
+    /// Goes on with what goes on beside the filters, or begins fits of all data as [`fit_anew`] does,
+    /// a slice after the other as long as there is time, asked after each: whether a rigid body
+    /// explains the data of the fits; None where they have not come to an end, or the filters that go
+    /// on from them not to the newest output. Without steps in between the end is that of [`fit_anew`].
+    ///
+    /// [`fit_anew`]: Self::fit_anew
+    pub fn fit_while(
+        &mut self,
+        data: &Data<'_, P, M::Known>,
+        limits: Option<&Limits>,
+        units: &impl Units,
+        mut time_left: impl FnMut() -> bool,
+    ) -> Option<bool> {
+        if self.work.is_none() {
+            let Some(fits) = self.starts(data, true) else { return Some(false) };
+            (self.work, self.begun) = (Some(Work::Fits(fits, 0)), self.t);
+        }
+        while self.work.is_some() {
+            self.go_on(data, limits, units);
+            if self.work.is_some() && !time_left() {
+                return None;
+            }
+        }
+        Some(!self.unexplained)
+    }
+
     /// Fits of all data, from the leading filter and from the latest optimum of each motion; in
     /// slices from the latter alone, and of what counts: there is no time for more.
     fn starts(&self, data: &Data<'_, P, M::Known>, settles: bool) -> Option<Anchoring<M, P, N>> {
+        if data.later.len() < self.t {
+            return None; // not all are kept any more
+        }
         let (leading, place) = (self.leading()?, self.mixture.leading());
         let (counted, all) = (self.mixture.probabilities(), self.refit != Some(Refit::Sliced));
         let stale = all && self.t <= ALTERNATIVES * data.recorded();
@@ -241,8 +270,16 @@ impl<M: Family<P, N>, const P: usize, const N: usize> Stepper<M, P, N> {
 
     /// One slice of what goes on beside the filters.
     fn slice(&mut self, data: &Data<'_, P, M::Known>, limits: Option<&Limits>, units: &impl Units) {
-        match &mut self.work {
+        match self.work {
             None => self.begin(data),
+            Some(_) => self.go_on(data, limits, units),
+        }
+    }
+
+    /// The same of what has begun.
+    fn go_on(&mut self, data: &Data<'_, P, M::Known>, limits: Option<&Limits>, units: &impl Units) {
+        match &mut self.work {
+            None => {}
             Some(Work::Fits(fits, calls)) => {
                 let end = data.y.len() + self.t;
                 let of = data.earlier.y.len() + fits.end();
