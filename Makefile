@@ -174,6 +174,7 @@ study-reach: setup ## how far estimates of a tumbling body reach; docs/measured/
 	OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 $(PY) studies/reach_variations.py
 	OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 $(PY) studies/reach_limits.py
 	OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 $(PY) studies/reach_recordings.py
+	OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 $(PY) studies/reach_field.py
 
 picture: setup ## the README's picture and the errors below it
 	OPENBLAS_NUM_THREADS=1 $(PY) studies/first_picture.py

@@ -65,11 +65,18 @@ def bound(of_x, of_y, cases, recorded, earlier=None):
     one = np.ones(len(cases))
     prior = [0 * one] * 3 + [one / 0.35] * 5 + [one] * 2 + [1 / (0.3 * W)] * 3
     prior += [W / (10 * size)] * GAINS
-    R, found = np.transpose(prior)[:, :, None] * np.eye(MOVING + GAINS), []
+    R = np.transpose(prior)[:, :, None] * np.eye(MOVING + GAINS)
     for x, y in zip(*earlier, strict=True) if earlier else ():
         rows = [R, y * weight[:, 1, None, None], x * weight[:, 0, None, None]]
         R = np.linalg.qr(np.concatenate(rows, 1), mode="r")
     R[:, :3] = 0  # its first rate is not that of the next recording: a flat prior
+    return deviations(R, of_x, of_y, weight, recorded)
+
+
+def deviations(R, of_x, of_y, weight, recorded):
+    """Deviations (N, B) of the rates after the recording, from the triangular factor R of what is
+    known before it."""
+    found = []
     for k, (x, y) in enumerate(zip(of_x, of_y, strict=True)):
         if k > recorded:
             root = np.linalg.solve(R.swapaxes(-1, -2), x.swapaxes(-1, -2))
