@@ -183,32 +183,29 @@ impl Run {
                 bound.forget();
             }
         }
-        let fallback = |prepared, weights| Fallbacks { design, weights, prepared };
         // the window of this step holds all outputs of a run from an unknown state
         let opening = design.opening.get().filter(|_| self.memory.grows(horizon));
         let (mut prepared, mut weights) = problem(design, opening, self.memory.len() + 1);
         let x_bounds = x_bounds.map(|bounds| Limits { lo: &bounds.lo, hi: &bounds.hi });
-        let memory = &mut self.memory;
-        let (own, problem_of) = (fallback(prepared, weights), Prepared::problem);
-        let mut pass = Pass { problem: problem_of(prepared), memory, fallback: &own, x_bounds };
+        let (own, another);
+        own = Fallbacks { design, weights, prepared };
+        let (memory, of_depth) = (&mut self.memory, prepared.problem());
+        let mut pass = Pass { problem: of_depth, memory, fallback: &own, x_bounds };
         let missing = pass.take_in(y, u);
         if pass.doubt_newest() {
-            let outputs = pass.memory.len();
-            (prepared, weights) = problem(design, design.opening.get(), outputs);
-            let (own, memory) = (fallback(prepared, weights), &mut self.memory);
-            let problem = problem_of(prepared);
-            Pass { problem, memory, fallback: &own, x_bounds }.fit_window();
+            (prepared, weights) = problem(design, design.opening.get(), pass.memory.len());
+            another = Fallbacks { design, weights, prepared };
+            (pass.problem, pass.fallback) = (prepared.problem(), &another);
+            pass.fit_window();
         }
         let layout = prepared.layout();
-        let x_bounds = x_bounds.map(|bounds| newest_rows(bounds, layout));
+        pass.x_bounds = x_bounds.map(|bounds| newest_rows(bounds, layout));
         let estimate = &mut self.estimate;
         if estimate.v.len() != layout.outputs_len() {
             fit(estimate, layout);
         }
         let Estimate { x, window, v, w, bound: error_bound, .. } = estimate;
         let mut out = Answer { x, window, v, w };
-        let (own, memory) = (fallback(prepared, weights), &mut self.memory);
-        let mut pass = Pass { problem: problem_of(prepared), memory, fallback: &own, x_bounds };
         let found = pass.find(y, missing, &mut out);
         match &mut self.bound {
             None => {
@@ -217,7 +214,7 @@ impl Run {
             Some(bound) => *error_bound = Some(bounded(design, bound, &mut pass, &found, &mut out)),
         }
         if self.first.is_some() {
-            self.goes_on = self.memory.goes_on(problem_of(prepared), &found.solution);
+            self.goes_on = self.memory.goes_on(prepared.problem(), &found.solution);
         }
         let WindowSolution { status, cost, active, iterations, .. } = found.solution;
         (estimate.cost, estimate.status) = (cost, status);

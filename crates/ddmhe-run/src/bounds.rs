@@ -2,7 +2,7 @@
 //! of the window's rows.
 
 use crate::plan::common::Limits;
-use crate::problem::{Data, Scratch, WindowProblem};
+use crate::problem::{Data, Scratch, Spared, WindowProblem};
 
 impl WindowProblem<'_> {
     /// (16c): the box on the states that holds for this step alone, about x_c(t) if the bounds are
@@ -90,10 +90,11 @@ impl WindowProblem<'_> {
             }
             return;
         }
-        let (lo, hi) = (&mut s.lo[..split], &mut s.hi[..split]);
-        self.box_of_this_step(bounds, s.outputs, data, s.z, (lo, hi));
-        for (((x, mean), lo), hi) in window.iter_mut().zip(data.means).zip(&*s.lo).zip(&*s.hi) {
-            *x = x.max(lo + mean).min(hi + mean);
+        let Spared { lo, hi, outputs, z, .. } = s.spare.parts();
+        let own = (&mut lo[..split], &mut hi[..split]);
+        self.box_of_this_step(bounds, outputs, data, z, own);
+        for (((x, mean), lo), hi) in window.iter_mut().zip(data.means).zip(lo).zip(hi) {
+            *x = x.max(*lo + mean).min(*hi + mean);
         }
     }
 }

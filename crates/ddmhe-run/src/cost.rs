@@ -25,7 +25,7 @@ impl WindowProblem<'_> {
         prior
             + match self.shared.noise(self.depth.layout) {
                 Some(weights) if data.missing => {
-                    let known = &mut s.outputs[..v.len()];
+                    let known = &mut s.spare.parts().outputs[..v.len()];
                     known
                         .iter_mut()
                         .zip(v)

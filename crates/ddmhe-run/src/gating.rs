@@ -92,12 +92,13 @@ impl WindowProblem<'_> {
         }
         let first = layout.split() + layout.outputs_len() - p;
         let z = &s.unconstrained[..self.depth.rank];
+        let innovation = s.spare.parts().innovation;
         for i in 0..p {
             let row = first + i;
             let along: f64 = z.iter().enumerate().map(|(j, z)| z * self.rows.entry(row, j)).sum();
-            s.innovation[p + i] = self.rows.offset[row] + along;
+            innovation[p + i] = self.rows.offset[row] + along;
         }
-        let (nu, fitted) = s.innovation.split_at_mut(p);
+        let (nu, fitted) = innovation.split_at_mut(p);
         if data.missing {
             nu[..p].copy_from_slice(&fitted[..p]);
             return true;

@@ -124,8 +124,8 @@ impl<B: AsRef<[f64]> + AsMut<[f64]>> Memory<B> {
                 self.judge_filter(&problem.shared, kalman, &told, opening);
             }
             None => {
-                let at = self.scratch + self.room.sensitivity_at();
-                let maps = at..at + self.room.sensitivity;
+                let at = self.room.sensitivity();
+                let maps = self.scratch + at.start..self.scratch + at.end;
                 self.witness.judge(self.block.as_mut(), (self.depth, maps), &told);
             }
         }

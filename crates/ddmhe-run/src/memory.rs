@@ -5,7 +5,7 @@ use crate::active_set::working_set::{ActiveBound, Kept, Sides, WorkingSet};
 use crate::kalman::Kalman;
 use crate::panels::padded;
 use crate::plan::common::{Shared, Sizes};
-use crate::problem::Scratch;
+use crate::problem::{Scratch, Spare};
 use crate::sliding::SlidingBuffer;
 use crate::tol;
 pub(crate) use considered::FilterStep;
@@ -252,7 +252,9 @@ impl<B: AsRef<[f64]> + AsMut<[f64]>> Memory<B> {
             missing += usize::from(!within);
         }
         self.missing += missing;
-        self.filtering.push(self.block.as_mut());
+        if self.filtering.is_used() {
+            self.filtering.push(self.block.as_mut());
+        }
         missing
     }
 
@@ -398,17 +400,10 @@ impl<B: AsRef<[f64]> + AsMut<[f64]>> Memory<B> {
         };
         let (window, room) = self.block.as_mut().split_at_mut(self.scratch);
         let (unconstrained, room) = room.split_at_mut(self.room.rank);
-        let (z, room) = room.split_at_mut(self.room.rank);
         let (answer, room) = room.split_at_mut(self.room.window);
-        let (lo, room) = room.split_at_mut(self.room.window);
-        let (hi, room) = room.split_at_mut(self.room.window);
-        let (filled, room) = room.split_at_mut(self.room.outputs);
-        let (hessian_factor, room) = room.split_at_mut(self.room.hessian_factor);
         let (block, room) = room.split_at_mut(self.room.block);
         let (moved, room) = room.split_at_mut(self.room.moved);
-        let (smoothing, room) = room.split_at_mut(self.room.smoothing);
-        let (sensitivity, room) = room.split_at_mut(self.room.sensitivity);
-        let (innovation, room) = room.split_at_mut(self.room.innovation);
+        let (spare, room) = room.split_at_mut(self.room.spare_len);
         let (sides, room) = room.split_at_mut(self.room.sides);
         let (before, work) = room.split_at_mut(self.room.sides);
         let n = self.states.width;
@@ -421,17 +416,10 @@ impl<B: AsRef<[f64]> + AsMut<[f64]>> Memory<B> {
             lacking: lacking.map(|at| &window[at]),
             scratch: Scratch {
                 unconstrained,
-                z,
                 window: answer,
-                lo,
-                hi,
-                outputs: filled,
-                hessian_factor,
                 block,
                 moved,
-                smoothing,
-                sensitivity,
-                innovation,
+                spare: Spare { block: spare, lengths: &self.room.spare },
                 work,
             },
             working: WorkingSet {

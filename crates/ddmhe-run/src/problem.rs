@@ -49,11 +49,33 @@ pub struct Fit<'a> {
 pub struct Scratch<'a> {
     /// z*.
     pub unconstrained: &'a mut [f64],
-    /// z.
-    pub z: &'a mut [f64],
     /// The answer: states, outputs and disturbances, each padded.
     pub window: &'a mut [f64],
-    /// Lower bounds in the same order.
+    /// p × p.
+    pub block: &'a mut [f64],
+    /// n.
+    pub moved: &'a mut [f64],
+    /// What most steps do not look at.
+    pub spare: Spare<'a>,
+    /// Of the active-set method.
+    pub work: &'a mut [f64],
+}
+
+/// Room that most steps do not look at: where its parts lie is found when they are asked for.
+#[derive(Debug)]
+pub struct Spare<'a> {
+    /// All of it.
+    pub block: &'a mut [f64],
+    /// Numbers in each part, in the order of [`Spared`].
+    pub lengths: &'a [usize; 8],
+}
+
+/// Its parts.
+#[derive(Debug)]
+pub struct Spared<'a> {
+    /// z.
+    pub z: &'a mut [f64],
+    /// Lower bounds in the order of the window.
     pub lo: &'a mut [f64],
     /// Upper bounds.
     pub hi: &'a mut [f64],
@@ -61,18 +83,28 @@ pub struct Scratch<'a> {
     pub outputs: &'a mut [f64],
     /// L with Hessian L Lᵀ, by rows.
     pub hessian_factor: &'a mut [f64],
-    /// p × p.
-    pub block: &'a mut [f64],
-    /// n.
-    pub moved: &'a mut [f64],
     /// For the smoother of [`kalman`](crate::kalman).
     pub smoothing: &'a mut [f64],
     /// For the maps of a window with lost outputs: see [`evidence`](crate::evidence).
     pub sensitivity: &'a mut [f64],
     /// Innovations of the newest output and their variances (p each), where outputs are doubted.
     pub innovation: &'a mut [f64],
-    /// Of the active-set method.
-    pub work: &'a mut [f64],
+}
+
+impl Spare<'_> {
+    /// Its parts.
+    #[inline(always)]
+    pub fn parts(&mut self) -> Spared<'_> {
+        let [z, lo, hi, outputs, hessian_factor, smoothing, sensitivity, _] = *self.lengths;
+        let (z, room) = self.block.split_at_mut(z);
+        let (lo, room) = room.split_at_mut(lo);
+        let (hi, room) = room.split_at_mut(hi);
+        let (outputs, room) = room.split_at_mut(outputs);
+        let (hessian_factor, room) = room.split_at_mut(hessian_factor);
+        let (smoothing, room) = room.split_at_mut(smoothing);
+        let (sensitivity, innovation) = room.split_at_mut(sensitivity);
+        Spared { z, lo, hi, outputs, hessian_factor, smoothing, sensitivity, innovation }
+    }
 }
 
 /// How the answer of one window was found.

@@ -7,7 +7,7 @@
 use crate::active_set::factor::{cholesky, solve_lower, solve_transposed};
 use crate::active_set::rows::Rows;
 use crate::plan::common::Shared;
-use crate::problem::{Data, Scratch, WindowProblem};
+use crate::problem::{Data, Scratch, Spared, WindowProblem};
 use crate::tol;
 
 /// The weight R of one sample (p × p, by rows, into `out`) without the channels that were not
@@ -41,7 +41,8 @@ impl WindowProblem<'_> {
     pub(crate) fn without_missing(&self, data: &Data<'_>, s: &mut Scratch<'_>) -> Option<bool> {
         let (layout, r, rows) = (self.depth.layout, self.depth.rank, &self.rows);
         let (stride, first) = (rows.stride(), layout.split());
-        let y = &mut s.outputs[..layout.outputs_len()];
+        let Spared { outputs, hessian_factor, .. } = s.spare.parts();
+        let y = &mut outputs[..layout.outputs_len()];
         // the mean window in the place of what is missing: it adds nothing to K ([x̄; y] - c)
         for ((y, measured), c) in y.iter_mut().zip(data.outputs).zip(&rows.offset[first..]) {
             *y = if measured.is_finite() { *measured } else { *c };
@@ -53,7 +54,7 @@ impl WindowProblem<'_> {
         if self.depth.kind.centered {
             return None;
         }
-        let L = &mut s.hessian_factor[..r * stride];
+        let L = &mut hessian_factor[..r * stride];
         L.fill(0.0);
         (0..r).for_each(|i| L[i * stride + i] = 1.0);
         self.downdate(data, rows, y, (s.block, L, s.unconstrained));

@@ -4,7 +4,7 @@
 use crate::active_set::solve_lower;
 use crate::evidence::{Minimum, OfDepth};
 use crate::panels::dot;
-use crate::problem::{Data, Scratch, WindowProblem, WindowSolution};
+use crate::problem::{Data, Scratch, Spared, WindowProblem, WindowSolution};
 use crate::reweight::reduced;
 
 /// Where the maps of a window with lost outputs are, in numbers of [`sensitivity_len`].
@@ -161,18 +161,19 @@ impl WindowProblem<'_> {
 
     /// zᵀH(z - z*): what active bounds add to it.
     #[inline(always)]
-    fn beyond(&self, s: &Scratch<'_>, found: &WindowSolution) -> f64 {
+    fn beyond(&self, s: &mut Scratch<'_>, found: &WindowSolution) -> f64 {
         if !found.constrained {
             return 0.0;
         }
         let r = self.depth.rank;
-        let (z, free) = (&s.z[..r], &s.unconstrained[..r]);
+        let Spared { z, hessian_factor, .. } = s.spare.parts();
+        let (z, free) = (&z[..r], &s.unconstrained[..r]);
         let moved = |i: usize| z[i] - free[i];
         if !found.downdated {
             return self.shared.unit * (0..r).map(|i| z[i] * moved(i)).sum::<f64>();
         }
         // H = L Lᵀ
-        let (L, stride) = (&*s.hessian_factor, self.rows.stride());
+        let (L, stride) = (&*hessian_factor, self.rows.stride());
         let column = |j: usize, of: &dyn Fn(usize) -> f64| -> f64 {
             (j..r).map(|i| L[i * stride + j] * of(i)).sum()
         };
@@ -186,7 +187,8 @@ impl WindowProblem<'_> {
     fn sensitivities(&self, data: &Data<'_>, s: &mut Scratch<'_>, downdated: bool) {
         let (layout, r, shared) = (self.depth.layout, self.depth.rank, &self.shared);
         let (n, p) = (layout.n, layout.p);
-        let own = Sensitivity::new([n, p], s.sensitivity);
+        let Spared { sensitivity, hessian_factor, .. } = s.spare.parts();
+        let own = Sensitivity::new([n, p], sensitivity);
         let newest = layout.split() + layout.outputs_len() - p;
         let rows = |k: usize| match k {
             k if k < n => layout.depth * n + k,
@@ -204,7 +206,7 @@ impl WindowProblem<'_> {
         if downdated {
             let stride = self.rows.stride();
             let columns = own.columns[..(2 * n + p) * r].chunks_exact_mut(r);
-            columns.for_each(|column| solve_lower(s.hessian_factor, column, stride));
+            columns.for_each(|column| solve_lower(hessian_factor, column, stride));
         }
         let product = |a: usize, b: usize| {
             dot(&own.columns[a * r..(a + 1) * r], &own.columns[b * r..(b + 1) * r])

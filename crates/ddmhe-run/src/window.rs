@@ -23,7 +23,7 @@ use crate::kalman::Filtered;
 use crate::panels::{WIDTH, each, margins, padded, scaled_difference, smaller, sum};
 use crate::plan::common::{Limits, Shared};
 use crate::prices::RowPrices;
-use crate::problem::{Data, Fit, Scratch, WindowProblem, WindowSolution};
+use crate::problem::{Data, Fit, Scratch, Spared, WindowProblem, WindowSolution};
 use crate::status::Status;
 use crate::tol;
 
@@ -156,22 +156,23 @@ impl WindowProblem<'_> {
         v: &mut [f64],
     ) -> Option<WindowSolution> {
         let len = self.depth.layout.apart();
+        let Spared { z, lo, hi, hessian_factor, .. } = s.spare.parts();
         let problem = LeastDistance {
             rows: self.rows,
-            lo: &s.lo[..len],
-            hi: &s.hi[..len],
+            lo: &lo[..len],
+            hi: &hi[..len],
             unconstrained: s.unconstrained,
-            hessian_factor: if changed { Some(&*s.hessian_factor) } else { None },
+            hessian_factor: if changed { Some(&*hessian_factor) } else { None },
             windows: self,
             trust: Trust::CERTAIN,
             prices,
         };
         let (status, iterations) = if !self.depth.kind.surplus {
-            decide(&problem, fallback, (working, s.work), s.z, s.window)
+            decide(&problem, fallback, (working, s.work), z, s.window)
         } else if changed {
             return None; // its two stages are those of the full Hessian
         } else {
-            fallback.two_stages(&problem.erased(), (working, s.work), s.z, s.window)
+            fallback.two_stages(&problem.erased(), (working, s.work), z, s.window)
         };
         if data.is_reweighted() {
             working.forget_factor(); // of this Hessian, or of the problem made for this window
@@ -201,8 +202,9 @@ impl WindowProblem<'_> {
         let split = self.depth.layout.split();
         match x {
             Some(bounds) if data.x_bounds.is_some() || self.moving_box() => {
-                let (lo, hi) = (&mut s.lo[..split], &mut s.hi[..split]);
-                self.box_of_this_step(bounds, s.outputs, data, s.z, (lo, hi));
+                let Spared { lo, hi, outputs, z, .. } = s.spare.parts();
+                let own = (&mut lo[..split], &mut hi[..split]);
+                self.box_of_this_step(bounds, outputs, data, z, own);
                 true
             }
             _ => false,
@@ -218,10 +220,15 @@ impl WindowProblem<'_> {
     /// The smallest distances of z*'s window to its bounds, in units of the rows, or less, in eight
     /// groups.
     #[inline(always)]
-    fn margins(&self, own: bool, s: &Scratch<'_>, v: &[f64]) -> [f64; WIDTH] {
+    fn margins(&self, own: bool, s: &mut Scratch<'_>, v: &[f64]) -> [f64; WIDTH] {
         let split = self.depth.layout.split();
         let Limits { lo, hi } = self.x_limits;
-        let (lo, hi) = if own { (&s.lo[..split], &s.hi[..split]) } else { (lo, hi) };
+        let (lo, hi) = if own {
+            let Spared { lo, hi, .. } = s.spare.parts();
+            (&lo[..split], &hi[..split])
+        } else {
+            (lo, hi)
+        };
         let [of_x, of_v, of_w] = self.shared.margins;
         let mut states = margins(&s.window[..split], lo, hi).map(|margin| of_x.of(margin));
         if let Some(Limits { lo, hi }) = self.shared.w_limits {
@@ -238,15 +245,15 @@ impl WindowProblem<'_> {
     #[inline(always)]
     fn limits(&self, own: bool, data: &Data<'_>, s: &mut Scratch<'_>) {
         let (split, len) = (self.depth.layout.split(), self.depth.layout.apart());
+        let Spared { lo, hi, .. } = s.spare.parts();
         if !own {
-            let Limits { lo, hi } = self.x_limits;
-            s.lo[..split].copy_from_slice(lo); // (16c)
-            s.hi[..split].copy_from_slice(hi);
+            lo[..split].copy_from_slice(self.x_limits.lo); // (16c)
+            hi[..split].copy_from_slice(self.x_limits.hi);
         }
-        self.limits_of_outputs(data, (&mut s.lo[split..len], &mut s.hi[split..len]));
+        self.limits_of_outputs(data, (&mut lo[split..len], &mut hi[split..len]));
         if self.depth.layout.driven {
             let first = self.depth.layout.second_split();
-            self.limits_of_disturbances((&mut s.lo[first..len], &mut s.hi[first..len]));
+            self.limits_of_disturbances((&mut lo[first..len], &mut hi[first..len]));
         }
     }
 
@@ -285,7 +292,8 @@ impl WindowProblem<'_> {
         let layout = self.depth.layout;
         let (n, p) = (layout.n, layout.p);
         let (first, second) = (layout.split(), layout.second_split());
-        let (room, fitted) = s.smoothing.split_at_mut(s.smoothing.len() - padded(p));
+        let smoothing = s.spare.parts().smoothing;
+        let (room, fitted) = smoothing.split_at_mut(smoothing.len() - padded(p));
         let (window, moved, shared) = (&mut *s.window, &mut *s.moved, &self.shared);
         kalman.smooth(filtered, room, |k, x, w| {
             for i in 0..n {
@@ -349,10 +357,11 @@ impl WindowProblem<'_> {
 
     /// Number of bounds that the window in the scratch touches.
     #[inline(always)]
-    fn count_active(&self, s: &Scratch<'_>) -> usize {
+    fn count_active(&self, s: &mut Scratch<'_>) -> usize {
         let mut count = 0_u64;
-        for (((w, lo), hi), unit) in s.window.iter().zip(&*s.lo).zip(&*s.hi).zip(self.rows.unit) {
-            let distance = smaller((w - lo).abs(), (w - hi).abs());
+        let Spared { lo, hi, .. } = s.spare.parts();
+        for (((w, lo), hi), unit) in s.window.iter().zip(lo).zip(hi).zip(self.rows.unit) {
+            let distance = smaller((w - *lo).abs(), (w - *hi).abs());
             count += u64::from(distance - tol::ACTIVE_SET * unit <= 0.0);
         }
         count as usize

@@ -77,11 +77,9 @@ impl Filtering {
 
     /// Room for ν of a new output.
     pub fn push(&mut self, block: &mut [f64]) {
-        if self.innovations.width > 0 {
-            self.innovations.next(block);
-            self.unfiltered += 1;
-            self.found = None;
-        }
+        self.innovations.next(block);
+        self.unfiltered += 1;
+        self.found = None;
     }
 
     /// The outputs of the window are others than those that were filtered.

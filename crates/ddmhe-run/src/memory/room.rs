@@ -5,50 +5,53 @@ use crate::kalman;
 use crate::panels::padded;
 use crate::plan::common::Sizes;
 use crate::sensitivity::sensitivity_len;
+use core::ops::Range;
 
 /// Sizes of the room that a step works in, in the order in which it lies in the block.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Room {
-    pub rank: usize,   // of z* and z, padded
-    pub window: usize, // of the window and its bounds, padded
-    pub outputs: usize,
-    pub hessian_factor: usize,
+    pub rank: usize,   // of z*, padded
+    pub window: usize, // padded
     pub block: usize,
     pub moved: usize,
-    pub smoothing: usize,
-    pub sensitivity: usize,
-    pub innovation: usize,
+    pub spare: [usize; 8], // see `Spare`
+    pub spare_len: usize,
     pub sides: usize,
 }
 
 impl Room {
     pub fn new(sizes: Sizes) -> Self {
         let Sizes { n, p, horizon, rank: r, .. } = sizes;
-        Room {
-            rank: padded(r),
-            window: sizes.layout(horizon).apart(),
-            outputs: padded(horizon * p),
-            hessian_factor: r * r.next_multiple_of(4),
-            block: padded(p * p),
-            moved: padded(n),
-            smoothing: if sizes.recorded { kalman::room(n, p) } else { 0 },
-            sensitivity: if sizes.judged() { padded(sensitivity_len(n, p, r)) } else { 0 },
-            innovation: if sizes.gate > 0.0 { padded(2 * p) } else { 0 },
-            sides: padded(r),
-        }
+        let (rank, window) = (padded(r), sizes.layout(horizon).apart());
+        let spare = [
+            rank,
+            window,
+            window,
+            padded(horizon * p),
+            r * r.next_multiple_of(4),
+            if sizes.recorded { kalman::room(n, p) } else { 0 },
+            if sizes.judged() { padded(sensitivity_len(n, p, r)) } else { 0 },
+            if sizes.gate > 0.0 { padded(2 * p) } else { 0 },
+        ];
+        let (block, moved, sides) = (padded(p * p), padded(n), padded(r));
+        Room { rank, window, block, moved, spare, spare_len: spare.iter().sum(), sides }
     }
 
     pub fn len_before_sides(&self) -> usize {
-        self.innovation_at() + self.innovation
+        self.spare_at() + self.spare_len
+    }
+
+    pub fn spare_at(&self) -> usize {
+        self.rank + self.window + self.block + self.moved
+    }
+
+    pub fn sensitivity(&self) -> Range<usize> {
+        let at = self.spare_at() + self.spare[..6].iter().sum::<usize>();
+        at..at + self.spare[6]
     }
 
     pub fn innovation_at(&self) -> usize {
-        self.sensitivity_at() + self.sensitivity
-    }
-
-    pub fn sensitivity_at(&self) -> usize {
-        let Room { rank, window, outputs, hessian_factor, block, moved, smoothing, .. } = *self;
-        2 * rank + 3 * window + outputs + hessian_factor + block + moved + smoothing
+        self.sensitivity().end
     }
 
     pub fn len(&self, sizes: Sizes) -> usize {
