@@ -17,6 +17,7 @@ pub(crate) trait Fitted<const P: usize, const N: usize>:
     /// From which starts it is fitted: without a cubic part, and with one.
     const STARTS: [&'static [usize]; 2];
     /// How many numbers are known of a sample.
+    #[cfg(feature = "serde")]
     const NUMBERS: usize;
 
     /// Where its fit begins.
@@ -31,6 +32,7 @@ pub(crate) trait Fitted<const P: usize, const N: usize>:
     fn known(B: &[f64], K: &[f64]) -> Self::Known;
 
     /// Its numbers: B, then K with all P rows.
+    #[cfg(feature = "serde")]
     fn numbers(known: &Self::Known) -> Vec<f64>;
 }
 
@@ -38,6 +40,7 @@ impl<const P: usize, const N: usize> Fitted<P, N> for Body<P, N> {
     const OF_OUTPUT: usize = unknowns(1) - unknowns(0);
     const SIMULATED: bool = true;
     const STARTS: [&'static [usize]; 2] = [&[0, 1, 2, 3, 4], &[0]];
+    #[cfg(feature = "serde")]
     const NUMBERS: usize = 0;
 
     fn start(recording: &Recording<P>, _: &[()], trial: usize, cubic: bool) -> Start<Self, N> {
@@ -46,6 +49,7 @@ impl<const P: usize, const N: usize> Fitted<P, N> for Body<P, N> {
 
     fn known(_: &[f64], _: &[f64]) {}
 
+    #[cfg(feature = "serde")]
     fn numbers((): &()) -> Vec<f64> {
         Vec::new()
     }

@@ -21,6 +21,7 @@ impl<const P: usize, const N: usize> Fitted<P, N> for FieldBody<P, N> {
     const SIMULATED: bool = false;
     // the sphere's inertia, and two that are drawn
     const STARTS: [&'static [usize]; 2] = [&[0, 2, 4], &[0]];
+    #[cfg(feature = "serde")]
     const NUMBERS: usize = 3 + 3 * P;
 
     fn start(
@@ -55,6 +56,7 @@ impl<const P: usize, const N: usize> Fitted<P, N> for FieldBody<P, N> {
         known
     }
 
+    #[cfg(feature = "serde")]
     fn numbers(known: &Field<P>) -> Vec<f64> {
         [&known.B[..], known.K.as_flattened()].concat()
     }
