@@ -18,6 +18,7 @@ mod recording;
 mod report;
 #[cfg(feature = "serde")]
 mod saved;
+mod wide;
 
 pub use config::{KnownField, Refits, RigidConfig};
 pub use measured::Measured;

@@ -4,7 +4,9 @@
 use crate::rigid::affine::{Affine, affine_unknowns};
 use crate::rigid::family::Fitted;
 use crate::rigid::recording::Recording;
+use crate::rigid::wide::Wide;
 use ddmhe_run::rigid::anchoring::{OPTIMA, Optima, other_offset};
+use ddmhe_run::rigid::pass::{Compiled, Units};
 use ddmhe_run::rigid::posterior::{EULER, SAME};
 use ddmhe_run::rigid::{Fit, Motion, Posterior, Start};
 
@@ -33,6 +35,7 @@ fn annealed<const P: usize, const N: usize, M: Motion<P, N> + Clone>(
     (recording, known): (&Recording<P>, &[M::Known]),
     mut start: Start<M, N>,
     rebased: impl Fn(Start<M, N>) -> Start<M, N>,
+    units: &impl Units,
 ) -> Option<Posterior<M, N>> {
     let mut before = None;
     for decade in 1..=DECADES {
@@ -40,7 +43,7 @@ fn annealed<const P: usize, const N: usize, M: Motion<P, N> + Clone>(
         let data = recording.data(known, blur);
         let last = data.of_x == recording.of_x && data.of_y == recording.of_y;
         let steps = if last { STEPS.0 } else { STEPS.1 };
-        let Some(found) = Fit::new(&start, data.y.len(), steps).finish(&data) else {
+        let Some(found) = Fit::new(&start, data.y.len(), steps).finish(&data, units) else {
             return before;
         };
         if last {
@@ -58,7 +61,7 @@ fn fit<const P: usize, const N: usize, M: Motion<P, N> + Clone>(
     start: &Start<M, N>,
 ) -> Option<Posterior<M, N>> {
     let data = recording.data(known, 0.0);
-    Fit::new(start, data.y.len(), STEPS.0).finish(&data)
+    Fit::new(start, data.y.len(), STEPS.0).finish(&data, &Wide::new())
 }
 
 /// The distinct optima of one family, the best first.
@@ -69,7 +72,7 @@ fn optima<M: Fitted<P, N>, const P: usize, const N: usize>(
     let mut found: Vec<Posterior<M, N>> = Vec::new();
     for trial in M::STARTS[usize::from(cubic)] {
         let start = M::start(of.0, of.1, *trial, cubic);
-        let own = annealed(of, start, |start: Start<M, N>| start.rebased());
+        let own = annealed(of, start, |start: Start<M, N>| start.rebased(), &Wide::new());
         let new = own.filter(|own| !found.iter().any(|f| (f.cost - own.cost).abs() < SAME));
         found.extend(new);
     }
@@ -142,7 +145,7 @@ impl<M, const N: usize> Choice<M, N> {
         let closest = tried.iter().rev().max_by(|a, b| of_body(a).total_cmp(&of_body(b))).copied();
         let of_affine = (recording, Affine::<P, NA>::EVERYWHERE);
         let affine: Option<Posterior<Affine<P, NA>, NA>> =
-            annealed(of_affine, recording.affine(), |start| start);
+            annealed(of_affine, recording.affine(), |start| start, &Compiled);
         let of_affine = affine.map(|f| rating(&f, samples, affine_unknowns(recording.p)));
         let none = [const { None }; OPTIMA];
         let Some(best) = closest.filter(|f| of_affine.is_none_or(|other| other <= of_body(f)))
@@ -153,7 +156,7 @@ impl<M, const N: usize> Choice<M, N> {
         let mut data = recording.data(known, 0.0);
         data.of_x = data.of_x.map(|v| v * up[0]);
         data.of_y = data.of_y.map(|v| v * up[1]);
-        let wider = Fit::new(&best.start(), data.y.len(), STEPS.0).finish(&data);
+        let wider = Fit::new(&best.start(), data.y.len(), STEPS.0).finish(&data, &Wide::new());
         let mut optima = none;
         optima[0] = Some(wider.unwrap_or(best));
         Choice { optima, explained: false, inflation: up[1], closest }

@@ -7,9 +7,9 @@ use crate::rigid::choice::Choice;
 use crate::rigid::config::{Refits, RigidConfig};
 use crate::rigid::family::Fitted;
 use crate::rigid::recording::Recording;
+use crate::rigid::wide::Wide;
 use ddmhe_run::rigid::anchoring::Optima;
 use ddmhe_run::rigid::layout::{INERTIA, TILT};
-use ddmhe_run::rigid::pass::Units;
 use ddmhe_run::rigid::small::inertia;
 use ddmhe_run::rigid::stepper::last_fit;
 use ddmhe_run::rigid::{Data, Limits, Posterior, Refit, Stepper};
@@ -33,17 +33,6 @@ pub(crate) struct Ground<M: Fitted<P, N>, const P: usize, const N: usize> {
     pub range: [[f64; 2]; 3],
     /// The machine's vector units.
     pub units: Wide,
-}
-
-/// The widest that the machine has.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct Wide(pulp::Arch);
-
-impl Units for Wide {
-    #[inline(always)]
-    fn run<R>(&self, work: impl FnOnce() -> R) -> R {
-        self.0.dispatch(work)
-    }
 }
 
 impl<M: Fitted<P, N>, const P: usize, const N: usize> Ground<M, P, N> {
@@ -75,7 +64,7 @@ impl<M: Fitted<P, N>, const P: usize, const N: usize> Ground<M, P, N> {
         };
         let (half, range) = spread(&recording.x);
         let most = config.optima;
-        let units = Wide(pulp::Arch::new());
+        let units = Wide::new();
         Ok(Ground { recording, known, choice, noise, refit, most, limits, half, range, units })
     }
 

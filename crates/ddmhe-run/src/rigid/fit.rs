@@ -1,7 +1,7 @@
 //! The most probable motion given all data, by Levenberg's and Marquardt's method in slices.
 
 use crate::rigid::motion::Motion;
-use crate::rigid::pass::{Compiled, Data, Pass, Units};
+use crate::rigid::pass::{Data, Pass, Units};
 use crate::rigid::posterior::Posterior;
 use crate::rigid::start::Start;
 
@@ -133,8 +133,12 @@ impl<M: Motion<P, N> + Clone, const P: usize, const N: usize> Fit<M, P, N> {
     }
 
     /// All of it at once.
-    pub fn finish(mut self, data: &Data<'_, P, M::Known>) -> Option<Posterior<M, N>> {
-        while !self.advance(data, usize::MAX, &Compiled) {}
+    pub fn finish(
+        mut self,
+        data: &Data<'_, P, M::Known>,
+        units: &impl Units,
+    ) -> Option<Posterior<M, N>> {
+        while !self.advance(data, usize::MAX, units) {}
         self.posterior()
     }
 
