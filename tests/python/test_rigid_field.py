@@ -195,6 +195,16 @@ def test_the_report_says_that_no_direction_stays_unseen(case):
     assert np.trace(report.inertia) == pytest.approx(3.0)
 
 
+def test_a_page_about_a_run_names_no_unseen_direction(case, tmp_path):
+    history, Y, field, _ = case
+    est = ddmhe.RigidBodyMhe(history, field=part(field, RECORDING))
+    log = est.run(Y[:50], field=part(field, slice(RECORDED, RECORDED + 50)))
+    ddmhe.report.html(est, log, tmp_path / "page.html")
+    page = (tmp_path / "page.html").read_text(encoding="utf-8")
+    assert "no direction stays unseen" in page
+    assert "A turn about" not in page
+
+
 def test_a_recording_of_no_body_in_that_field_is_left_to_the_affine_estimator(case):
     history, _, (B, K), _ = case
     # the field of other moments

@@ -32,7 +32,7 @@ def rigid_section(run: Run) -> Section | None:
         return Section("body", "Rigid body", [Text("No rigid body was fitted to the recording.")])
     words = [found.words] if isinstance(found.words, str) else list(found.words)
     blocks: list[Any] = [Items(words)] if words else []
-    blocks += [_inertia(found), _unseen(found.unseen), _residuals(found), _optima(found.optima)]
+    blocks += [_inertia(found), *_unseen(found.unseen), _residuals(found), _optima(found.optima)]
     return Section("body", "Rigid body", blocks)
 
 
@@ -43,9 +43,11 @@ def _inertia(found: Any) -> Table:
     return Table(caption, ("", *AXES), rows)
 
 
-def _unseen(direction: Array) -> Text:
+def _unseen(direction: Array) -> list[Text]:
+    if not np.all(np.isfinite(direction)):
+        return []  # in a field that moves none stays so, as the words above say
     parts = ", ".join(f"{value:.3f}" for value in np.asarray(direction))
-    return Text(f"A turn about ({parts}), in axes of the body, shows in no output.")
+    return [Text(f"A turn about ({parts}), in axes of the body, shows in no output.")]
 
 
 def _residuals(found: Any) -> Table:
