@@ -48,6 +48,24 @@ LAGGED = dict(
     omega_0=[-0.15388, 0.01667, 0.03987],
 )
 
+NEAR_SPHERE = dict(
+    inertia=[[3744.0, -330.2, -230.9], [-330.2, 3603.9, -415.0], [-230.9, -415.0, 3471.2]],
+    M_eff=[
+        [458010.0, -5160.0, -43830.0],
+        [-5160.0, 417730.0, 162120.0],
+        [-43830.0, 162120.0, 411030.0],
+    ],
+    B=[0.00504, 0.00619, -0.0018],
+    r=[0.998, 0.422, 0.415],
+    Lambda=[
+        [-0.00777, -0.01768, 0.0002],
+        [-0.01768, 0.00558, 0.01223],
+        [0.0002, 0.01223, 0.00218],
+    ],
+    omega_0=[-0.02357, -0.15138, -0.09436],
+)
+"""Its fits take a few steps more than others."""
+
 
 def run(body, rate_noise, torque_noise, later_noise, seed, **settings):
     """The log, and the true rates beside it."""
@@ -78,6 +96,28 @@ def test_a_fit_without_noise_goes_on_to_its_end():
     error = np.linalg.norm(log.x - truth, axis=1)
     assert DEG * np.sqrt(np.mean(error[:1000] ** 2)) < 0.001
     assert DEG * np.sqrt(np.mean(error**2)) < 0.003
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("torque_noise", [0.01, 0.05])
+def test_fits_in_slices_come_to_an_end(seed, torque_noise):
+    """A round that begins anew whenever half as much has come in since never ends where a fit takes
+    ten steps: the filter then goes on from the recording alone, trusted and deg/s off."""
+    log, truth = run(NEAR_SPHERE, 1e-3, torque_noise, torque_noise, seed, refit="sliced")
+    off = np.abs(log.x - truth)
+    assert np.mean(off <= 2 * log.std) > 0.9
+    assert np.mean(log.trusted & np.any(off > 5 * log.std, axis=1)) < 0.01
+
+
+@pytest.mark.parametrize("body", [LAGGED, FAST])
+def test_means_say_what_their_outputs_say(body):
+    """Fits in slices are of means over up to ten outputs: to the rates of the middle alone these
+    are of a torque .03 % too small, which is 200 deviations here."""
+    x = {}
+    for refit in ("now", "sliced"):
+        log, _ = run(body, 1e-6, 1e-5, 1e-4, 0, refit=refit)
+        x[refit], std = log.x[2000:], log.std[2000:]
+    assert np.max(np.abs(x["sliced"] - x["now"]) / std) < 0.5
 
 
 def test_a_copy_goes_on_between_late_fits():

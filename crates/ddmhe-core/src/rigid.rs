@@ -11,6 +11,7 @@ mod ends;
 mod family;
 mod field;
 mod ground;
+mod later;
 mod measured;
 mod mhe;
 mod online;

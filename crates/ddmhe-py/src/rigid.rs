@@ -58,8 +58,8 @@ use std::time::{Duration, Instant};
 ///     .7, 1, 1.4 and 2 lengths of the recording (of all together) behind its end, and then each time
 ///     that 1.15 times as much has passed, up to 32. "now": in the steps that it is due in, which take
 ///     some 10 ms to some 100 ms. "sliced": a little with each step, while the filter goes on; fits
-///     then come later and are fewer, and errors larger. "manual": when refit is called, which may
-///     have a budget of time.
+///     then come somewhat later, and errors are up to some 10 % larger in the mean. "manual": when
+///     refit is called, which may have a budget of time.
 /// optima : int
 ///     How many motions that may have made the data are followed at once, 1 to 4, each with its
 ///     probability: the estimate is their mean, and its covariance has how far they are apart. 1: the

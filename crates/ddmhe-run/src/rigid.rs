@@ -21,8 +21,8 @@
 //!
 //! # A tour
 //! [`motion`] (samples, with their derivatives) ← [`body`], [`field`] (in a known field) ·
-//! [`pass`] (the cost of z over all data, and its [`factor`]; `earlier` recordings' own unknowns are
-//! eliminated) → [`fit`] (Levenberg and Marquardt) → [`posterior`] → [`filter`] (one sample,
+//! [`pass`] (the cost of z over all [`data`] or their [`means`], and its [`factor`]; `earlier` recordings'
+//! own unknowns are eliminated) → [`fit`] (Levenberg and Marquardt) → [`posterior`] → [`filter`] (one sample,
 //! from there on) → [`mixture`] (up to four of them) · [`anchoring`] (fits to all data since) →
 //! [`stepper`] (both together).
 //!
@@ -32,12 +32,14 @@
 
 pub mod anchoring;
 pub mod body;
+pub mod data;
 pub mod earlier;
 pub mod factor;
 pub mod field;
 pub mod filter;
 pub mod fit;
 pub mod layout;
+pub mod means;
 pub mod mixture;
 pub mod motion;
 pub mod pass;
@@ -48,13 +50,14 @@ pub mod stepper;
 
 pub use anchoring::Anchoring;
 pub use body::Body;
+pub use data::Data;
 pub use earlier::{Earlier, Firsts};
 pub use field::{Field, FieldBody};
 pub use filter::{Filter, Innovation, Limits};
 pub use fit::Fit;
+pub use means::{Mean, Means};
 pub use mixture::{Member, Mixture};
 pub use motion::Motion;
-pub use pass::Data;
 pub use posterior::{Misfit, Posterior};
 pub use start::Start;
 pub use stepper::{Refit, Stepper};

@@ -6,6 +6,7 @@ use crate::history::History;
 use crate::rigid::choice::Choice;
 use crate::rigid::config::{Refits, RigidConfig};
 use crate::rigid::family::Fitted;
+use crate::rigid::later::Later;
 use crate::rigid::recording::Recording;
 use crate::rigid::wide::Wide;
 use ddmhe_run::rigid::anchoring::Optima;
@@ -74,13 +75,20 @@ impl<M: Fitted<P, N>, const P: usize, const N: usize> Ground<M, P, N> {
     }
 
     /// The recording and what came since.
-    pub fn data<'a>(
-        &'a self,
-        (later, rates): (&'a [[f64; P]], &'a [[f64; 3]]),
-        known: &'a [M::Known],
-    ) -> Data<'a, P, M::Known> {
-        let known = of_all::<M, P, N>(known);
-        Data { later, rates, of_later: self.noise, ..self.recording.data(known, 0.0) }
+    pub fn data<'a>(&'a self, later: &'a Later<P>, known: &'a [M::Known]) -> Data<'a, P, M::Known> {
+        Data {
+            later: &later.outputs,
+            rates: &later.rates,
+            means: later.means(&self.noise),
+            of_later: self.noise,
+            ..self.recording.data(of_all::<M, P, N>(known), 0.0)
+        }
+    }
+
+    /// Nothing yet, with room for so many outputs: nothing is allocated later.
+    pub fn nothing(&self, room: usize) -> Later<P> {
+        let in_means = self.refit == Some(Refit::Sliced) && !M::DRIVEN;
+        Later::with_room(room, if in_means { self.recording.every() } else { 1 })
     }
 
     /// How many later outputs are kept.

@@ -7,6 +7,7 @@ use crate::rigid::affine::affine_unknowns;
 use crate::rigid::config::{RigidConfig, is_of_rates};
 use crate::rigid::family::Fitted;
 use crate::rigid::ground::Ground;
+use crate::rigid::later::Later;
 use crate::rigid::measured::Measured;
 use crate::rigid::recording::widened;
 use crate::rigid::report::Report;
@@ -63,9 +64,7 @@ pub(crate) trait Online: Send + Sync {
 struct Run<M: Fitted<P, N>, const P: usize, const N: usize> {
     ground: Arc<Ground<M, P, N>>,
     stepper: Option<Stepper<M, P, N>>,
-    later: Vec<[f64; P]>,
-    /// Rates that were measured with them; empty as long as none was.
-    rates: Vec<[f64; 3]>,
+    later: Later<P>,
     /// What is known of all samples, and of the last two; nothing where nothing has to be.
     known: Vec<M::Known>,
     recent: Option<[M::Known; 2]>,
@@ -163,12 +162,11 @@ impl<M: Fitted<P, N>, const P: usize, const N: usize> Run<M, P, N> {
     fn new<const NA: usize>(history: &History, config: &RigidConfig) -> Result<Self, Error> {
         let ground = Ground::new::<NA>(history, config)?;
         let stepper = ground.start();
-        // nothing is allocated later
         let room = if stepper.is_some() { ground.room() } else { 0 };
-        let (later, rates) = (Vec::with_capacity(room), Vec::with_capacity(room));
+        let later = ground.nothing(room);
         let driven = if M::DRIVEN { ground.known.len() + room } else { 0 };
         let (known, recent) = (Vec::with_capacity(driven), None);
-        let mut run = Run { ground: Arc::new(ground), stepper, later, rates, known, recent };
+        let mut run = Run { ground: Arc::new(ground), stepper, later, known, recent };
         run.know_the_recording();
         Ok(run)
     }
@@ -199,22 +197,17 @@ impl<M: Fitted<P, N>, const P: usize, const N: usize> Run<M, P, N> {
     fn keep(&mut self, y: [f64; P], rates: Option<[f64; 3]>, known: M::Known) {
         let Some(stepper) = &mut self.stepper else { return };
         let room = self.ground.room();
-        let gap = stepper.t > self.later.len() + 1;
-        if stepper.refit != Some(Refit::Manual) && (gap || self.later.len() >= room) {
+        let kept = self.later.outputs.len();
+        let gap = stepper.t > kept + 1;
+        if stepper.refit != Some(Refit::Manual) && (gap || kept >= room) {
             stepper.work = None;
             return;
         }
         if M::DRIVEN {
-            self.known.truncate(self.ground.recording.y.len() + self.later.len());
+            self.known.truncate(self.ground.recording.y.len() + kept);
             self.known.push(known);
         }
-        self.later.push(y);
-        if let (Some(x), true) = (rates, self.rates.is_empty()) {
-            self.rates.resize(self.later.len() - 1, [f64::NAN; 3]);
-            self.rates.push(x);
-        } else if !self.rates.is_empty() {
-            self.rates.push(rates.unwrap_or([f64::NAN; 3]));
-        }
+        self.later.push(y, rates);
     }
 
     /// What a saved run knew of later samples.
@@ -233,8 +226,8 @@ impl<M: Fitted<P, N>, const P: usize, const N: usize> Run<M, P, N> {
         let read = read.collect::<Vec<_>>();
         let (later, recent) = read.split_last_chunk().ok_or_else(wrong)?;
         let recorded = self.ground.recording.y.len();
-        let all = later.len() == self.later.len()
-            || (self.later.is_empty() && recorded + later.len() == self.known.len());
+        let all = later.len() == self.later.outputs.len()
+            || (self.later.outputs.is_empty() && recorded + later.len() == self.known.len());
         if !all {
             return Err(wrong());
         }
@@ -310,7 +303,7 @@ impl<M: Fitted<P, N>, const P: usize, const N: usize> Online for Run<M, P, N> {
         }
         let Some(stepper) = &mut self.stepper else { return false };
         if foretold {
-            let data = self.ground.data((&self.later, &self.rates), &self.known);
+            let data = self.ground.data(&self.later, &self.known);
             stepper.anchor(&data, self.ground.limits.as_ref(), &self.ground.units);
         }
         let now = match &self.recent {
@@ -337,13 +330,13 @@ impl<M: Fitted<P, N>, const P: usize, const N: usize> Online for Run<M, P, N> {
     }
 
     fn refit(&mut self) -> bool {
-        let data = self.ground.data((&self.later, &self.rates), &self.known);
+        let data = self.ground.data(&self.later, &self.known);
         self.stepper.as_mut().is_some_and(|stepper| stepper.fit_anew(&data, &self.ground.units))
     }
 
     fn refit_while(&mut self, time_left: &mut dyn FnMut() -> bool) -> Option<bool> {
         let ground = &self.ground;
-        let data = ground.data((&self.later, &self.rates), &self.known);
+        let data = ground.data(&self.later, &self.known);
         let Some(stepper) = &mut self.stepper else { return Some(false) };
         stepper.fit_while(&data, ground.limits.as_ref(), &ground.units, time_left)
     }
@@ -362,7 +355,6 @@ impl<M: Fitted<P, N>, const P: usize, const N: usize> Online for Run<M, P, N> {
     fn restart(&mut self) {
         self.stepper = self.ground.start();
         self.later.clear();
-        self.rates.clear();
         self.know_the_recording();
     }
 
@@ -390,19 +382,18 @@ impl<M: Fitted<P, N>, const P: usize, const N: usize> Online for Run<M, P, N> {
     fn saved(&self) -> Saved {
         let known = self.known.get(self.ground.recording.y.len()..).unwrap_or(&[]);
         let known = known.iter().chain(self.recent.iter().flatten()).flat_map(M::numbers);
-        Saved::of(self.stepper.as_ref(), &self.later, &self.rates, known.collect())
+        Saved::of(self.stepper.as_ref(), &self.later, known.collect())
     }
 
     #[cfg(feature = "serde")]
     fn resume(&mut self, saved: &Saved) -> Result<(), Error> {
         let new = self.ground.start();
-        let room = self.ground.room();
-        (self.stepper, self.later, self.rates) =
-            saved.resumed(new, &self.ground.recording, room)?;
+        let nothing = self.ground.nothing(self.ground.room());
+        (self.stepper, self.later) = saved.resumed(new, &self.ground.recording, nothing)?;
         self.know_again(saved)?;
         if let Some(stepper) = &mut self.stepper {
             let ground = &self.ground;
-            let data = ground.data((&self.later, &self.rates), &self.known);
+            let data = ground.data(&self.later, &self.known);
             saved.resume_work(stepper, &ground.recording, (&data, &ground.units))?;
         }
         Ok(())

@@ -13,6 +13,8 @@ use faer::Mat;
 
 /// Largest angle that a substep turns by (rad).
 const TURN: f64 = 0.08;
+/// Outputs of a mean, at most.
+const MEAN: f64 = 10.0;
 /// Faster than so many times the recording's W a motion runs away.
 const RUNS_AWAY: f64 = 30.0;
 /// Least noise, relative to a signal's size: it stands in for a recording without any.
@@ -161,6 +163,7 @@ impl<const P: usize> Recording<P> {
             y,
             later: &[],
             rates: &[],
+            means: None,
             known,
             of_x: self.of_x.map(|v| v.max(blurred * self.W)),
             of_y: self.of_y.map(|v| v.max(blurred * self.size)),
@@ -172,6 +175,12 @@ impl<const P: usize> Recording<P> {
     /// Runge and Kutta's rule, in substeps.
     pub fn steps(&self) -> Steps {
         self.steps
+    }
+
+    /// Over how many outputs means may be for fits in slices: a motion turns by no more meanwhile than
+    /// in a substep.
+    pub fn every(&self) -> usize {
+        (TURN / (self.steps.dt * self.fastest)).floor().clamp(1.0, MEAN) as usize
     }
 
     /// A body and where its fit begins: the unseen direction is one that the least-squares C shows

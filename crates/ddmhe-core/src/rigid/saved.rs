@@ -1,13 +1,14 @@
 //! A run of the rigid body's estimator as it is continued in another process.
 
 use crate::error::Error;
+use crate::rigid::later::Later;
 use crate::rigid::recording::Recording;
-use ddmhe_run::rigid::anchoring::OPTIMA;
+use ddmhe_run::rigid::anchoring::{Manner, OPTIMA};
 use ddmhe_run::rigid::motion::{Family, Steps};
 use ddmhe_run::rigid::pass::Units;
 use ddmhe_run::rigid::stepper::{Work, slice};
 use ddmhe_run::rigid::{Anchoring, Data, Firsts, Member, Misfit, Mixture, Posterior};
-use ddmhe_run::rigid::{Start, Stepper};
+use ddmhe_run::rigid::{Refit, Start, Stepper};
 use serde::{Deserialize, Serialize};
 
 /// What changes from step to step.
@@ -15,6 +16,8 @@ use serde::{Deserialize, Serialize};
 pub(crate) struct Saved {
     /// One list a member; none where there is no motion any more.
     members: Vec<Vec<f64>>,
+    /// How many later outputs their fits are of.
+    of: usize,
     t: usize,
     later: Vec<f64>,
     rates: Vec<f64>,
@@ -22,6 +25,7 @@ pub(crate) struct Saved {
     pub known: Vec<f64>,
     fits: usize,
     begun: usize,
+    ended: usize,
     unexplained: bool,
     work: SavedWork,
 }
@@ -32,18 +36,18 @@ enum SavedWork {
     /// Nothing.
     #[default]
     None,
-    /// Fits: their starts, the number of outputs, how often they were advanced, and whether they try
-    /// the other prior on offsets.
-    Fits(Vec<Vec<f64>>, usize, usize, bool),
-    /// Members on their way to the newest output, and the next output.
-    Replay(Vec<Vec<f64>>, usize),
+    /// Fits: their starts, the number of outputs, how often they were advanced, whether they try the
+    /// other prior on offsets, and whether they are of means.
+    Fits(Vec<Vec<f64>>, usize, usize, bool, bool),
+    /// Members on their way to the newest output, how many later outputs their fits are of, and the
+    /// next output.
+    Replay(Vec<Vec<f64>>, usize, usize),
 }
 
 impl Saved {
     pub fn of<M: Family<P, N>, const P: usize, const N: usize>(
         stepper: Option<&Stepper<M, P, N>>,
-        later: &[[f64; P]],
-        rates: &[[f64; 3]],
+        later: &Later<P>,
         known: Vec<f64>,
     ) -> Self {
         let Some(stepper) = stepper else { return Saved::default() };
@@ -51,39 +55,42 @@ impl Saved {
             None => SavedWork::None,
             Some(Work::Fits(fits, calls)) => {
                 let (starts, end) = (fits.starts().map(of_start).collect(), fits.end());
-                SavedWork::Fits(starts, end, *calls, fits.settles())
+                let manner = fits.manner();
+                SavedWork::Fits(starts, end, *calls, manner.settles, manner.of_means)
             }
             Some(Work::Replay(mixture, next)) => {
-                SavedWork::Replay(mixture.members().map(of_member).collect(), *next)
+                let members = mixture.members().map(of_member).collect();
+                SavedWork::Replay(members, mixture.of, *next)
             }
         };
         Saved {
             members: stepper.mixture.members().map(of_member).collect(),
+            of: stepper.mixture.of,
             t: stepper.t,
-            later: later.as_flattened().to_vec(),
-            rates: rates.as_flattened().to_vec(),
+            later: later.outputs.as_flattened().to_vec(),
+            rates: later.rates.as_flattened().to_vec(),
             known,
             fits: stepper.fits,
             begun: stepper.begun,
+            ended: stepper.ended,
             unexplained: stepper.unexplained,
             work,
         }
     }
 
-    /// The run that was saved, `new` as it begins, but for its work; and what was measured, in room
-    /// for so many samples.
+    /// The run that was saved, `new` as it begins, but for its work; and what was measured, `nothing`
+    /// yet.
     ///
     /// # Errors
     /// [`Error::Value`] for content that no run has.
-    #[allow(clippy::type_complexity)]
     pub fn resumed<M: Family<P, N>, const P: usize, const N: usize>(
         &self,
         new: Option<Stepper<M, P, N>>,
         recording: &Recording<P>,
-        room: usize,
-    ) -> Result<(Option<Stepper<M, P, N>>, Vec<[f64; P]>, Vec<[f64; 3]>), Error> {
+        mut nothing: Later<P>,
+    ) -> Result<(Option<Stepper<M, P, N>>, Later<P>), Error> {
         if self.members.is_empty() {
-            return Ok((None, Vec::new(), Vec::new()));
+            return Ok((None, nothing));
         }
         let mut stepper = new.ok_or_else(wrong)?;
         let ((later, rest), (rates, left)) =
@@ -96,19 +103,19 @@ impl Saved {
             || later.len() > self.t
             || self.fits > self.t + 1
             || self.begun > self.t
+            || self.ended > self.t
+            || self.of > self.t
         {
             return Err(wrong());
         }
         (stepper.t, stepper.fits, stepper.begun) = (self.t, self.fits, self.begun);
-        stepper.unexplained = self.unexplained;
-        let mixture = read_mixture(&stepper, recording.steps(), &self.members);
+        (stepper.ended, stepper.unexplained) = (self.ended, self.unexplained);
+        let mixture = read_mixture(&stepper, recording.steps(), (&self.members, self.of));
         stepper.mixture = mixture.ok_or_else(wrong)?;
-        let (mut outputs, mut seen) = (Vec::new(), Vec::new());
-        outputs.reserve_exact(room.max(later.len()));
-        seen.reserve_exact(room.max(later.len()));
-        outputs.extend_from_slice(later);
-        seen.extend_from_slice(rates);
-        Ok((Some(stepper), outputs, seen))
+        for (k, y) in later.iter().enumerate() {
+            nothing.push(*y, rates.get(k).copied());
+        }
+        Ok((Some(stepper), nothing))
     }
 
     /// Its work, of which fits are made again as far as they had come.
@@ -124,7 +131,7 @@ impl Saved {
         let steps = recording.steps();
         stepper.work = match &self.work {
             SavedWork::None => None,
-            SavedWork::Fits(starts, end, calls, settles) => {
+            SavedWork::Fits(starts, end, calls, settles, of_means) => {
                 let all = data.y.len()..data.y.len() + data.later.len() + 1;
                 if starts.len() > OPTIMA + 1 || !all.contains(end) || *calls > stepper.t {
                     return Err(wrong());
@@ -132,17 +139,24 @@ impl Saved {
                 let base = &stepper.leading().ok_or_else(wrong)?.found;
                 let read = starts.iter().map(|start| read_start(base, steps, &mut Reader(start)));
                 let read: Vec<_> = read.collect::<Option<_>>().ok_or_else(wrong)?;
-                let settings = (stepper.size, stepper.known, *settles);
-                let fits = Anchoring::new(read.into_iter(), *end, settings);
+                let data = if *of_means { data } else { &data.singly() };
+                let later = end - data.y.len();
+                if *of_means && data.means.is_none_or(|means| means.reach(later) != later) {
+                    return Err(wrong());
+                }
+                let near = stepper.refit == Some(Refit::Sliced);
+                let manner = Manner { settles: *settles, near, of_means: *of_means };
+                let settings = (stepper.size, stepper.known);
+                let fits = Anchoring::new(read.into_iter(), *end, settings, manner);
                 let mut fits = fits.ok_or_else(wrong)?;
                 for _ in 0..*calls {
                     fits.advance(data, slice(recording.p), units);
                 }
                 Some(Work::Fits(fits, *calls))
             }
-            SavedWork::Replay(members, next) => {
-                let mixture = read_mixture(stepper, steps, members).ok_or_else(wrong)?;
-                if *next > data.later.len() {
+            SavedWork::Replay(members, of, next) => {
+                let mixture = read_mixture(stepper, steps, (members, *of)).ok_or_else(wrong)?;
+                if *next > data.later.len() || *of > *next {
                     return Err(wrong());
                 }
                 Some(Work::Replay(mixture, *next))
@@ -159,11 +173,11 @@ pub(crate) fn wrong() -> Error {
 fn read_mixture<M: Family<P, N>, const P: usize, const N: usize>(
     stepper: &Stepper<M, P, N>,
     steps: Steps,
-    members: &[Vec<f64>],
+    (members, of): (&[Vec<f64>], usize),
 ) -> Option<Mixture<M, P, N>> {
     (1..=OPTIMA).contains(&members.len()).then_some(())?;
     let read = members.iter().map(|numbers| read_member(stepper, steps, numbers));
-    Mixture::of(read.collect::<Option<Vec<_>>>()?.into_iter())
+    Mixture::of(read.collect::<Option<Vec<_>>>()?.into_iter(), of)
 }
 
 /// A fit; then z and P by rows, score, shares of wild samples and, if any, nominal z of its filter.

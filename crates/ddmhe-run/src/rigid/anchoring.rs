@@ -1,9 +1,10 @@
 //! The motion fitted anew to recording and all outputs since, from several starts, in slices.
 
+use crate::rigid::data::Data;
 use crate::rigid::fit::Fit;
 use crate::rigid::layout::outputs;
 use crate::rigid::motion::Family;
-use crate::rigid::pass::{Data, Units};
+use crate::rigid::pass::Units;
 use crate::rigid::posterior::{EULER, Posterior};
 use crate::rigid::start::Start;
 
@@ -11,6 +12,9 @@ use crate::rigid::start::Start;
 pub const OPTIMA: usize = 4;
 /// Steps of a fit online that goes to its end.
 const STEPS: usize = 40;
+/// Of one from another optimum than the leading one's, where fits are near their ends: one that takes
+/// more is hardly as probable.
+const ALTERNATIVE: usize = 4;
 /// An optimum is kept whose cost exceeds the least by less than this.
 const KEPT: f64 = 30.0;
 /// An offset that is free, relative to the size of the outputs; one that is not, to their noise.
@@ -43,8 +47,19 @@ pub struct Anchoring<M, const P: usize, const N: usize> {
     size: f64,
     /// Whether the noise was stated, not read off the recording.
     known: bool,
+    /// How they are made.
+    manner: Manner,
+}
+
+/// How fits are made.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Manner {
     /// Whether the other prior on offsets is tried.
-    settles: bool,
+    pub settles: bool,
+    /// Whether they are taken to be near their ends: see [`Fit::near`].
+    pub near: bool,
+    /// Whether they are of means.
+    pub of_means: bool,
 }
 
 impl<M: Family<P, N>, const P: usize, const N: usize> Anchoring<M, P, N> {
@@ -52,18 +67,19 @@ impl<M: Family<P, N>, const P: usize, const N: usize> Anchoring<M, P, N> {
     pub fn new(
         starts: impl Iterator<Item = Start<M, N>>,
         end: usize,
-        (size, known, settles): (f64, bool, bool),
+        (size, known): (f64, bool),
+        manner: Manner,
     ) -> Option<Self> {
         let mut own = [const { None }; OPTIMA + 1];
         own.iter_mut().zip(starts).for_each(|(own, start)| *own = Some(start));
         Some(Anchoring {
-            fit: Fit::new(own[0].as_ref()?, end, STEPS),
+            fit: fit_of(own[0].as_ref()?, end, (STEPS, &manner)),
             starts: own,
             found: [const { None }; OPTIMA + 1],
             stage: Stage::Starts(0),
             size,
             known,
-            settles,
+            manner,
         })
     }
 
@@ -72,24 +88,14 @@ impl<M: Family<P, N>, const P: usize, const N: usize> Anchoring<M, P, N> {
         self.starts.iter().flatten()
     }
 
-    /// Whether the other prior on offsets is tried.
-    pub fn settles(&self) -> bool {
-        self.settles
+    /// How they are made.
+    pub fn manner(&self) -> &Manner {
+        &self.manner
     }
 
     /// How many outputs the fits are of.
     pub fn end(&self) -> usize {
         self.fit.end()
-    }
-
-    /// The same with the outputs before `end`, from where each fit has come to.
-    pub fn anew(&self, end: usize) -> Option<Self> {
-        let Stage::Starts(now) = self.stage else { return None };
-        let fitted = self.found.iter().flatten().map(|f| f.start().rebased());
-        let current = self.fit.best().map(|best| best.rebased());
-        let rest = self.starts.iter().skip(now + 1).flatten().copied();
-        let starts = fitted.chain(current).chain(rest).take(OPTIMA + 1);
-        Anchoring::new(starts, end, (self.size, self.known, self.settles))
     }
 
     /// As much work as a pass has with so many samples; whether all fits have ended.
@@ -122,7 +128,9 @@ impl<M: Family<P, N>, const P: usize, const N: usize> Anchoring<M, P, N> {
                 self.keep(found);
                 let next = i + 1;
                 if let Some(start) = self.starts.get(next).copied().flatten() {
-                    (self.stage, self.fit) = (Stage::Starts(next), self.of(&start));
+                    let steps = if self.manner.near { ALTERNATIVE } else { STEPS };
+                    let fit = fit_of(&start, self.fit.end(), (steps, &self.manner));
+                    (self.stage, self.fit) = (Stage::Starts(next), fit);
                     return;
                 }
                 self.found.sort_unstable_by(|a, b| rank(a).total_cmp(&rank(b)));
@@ -169,7 +177,7 @@ impl<M: Family<P, N>, const P: usize, const N: usize> Anchoring<M, P, N> {
     /// The other prior on offsets.
     fn settle(&mut self, data: &Data<'_, P, M::Known>) {
         match &self.found[0] {
-            Some(best) if self.settles && best.misfit.explained(self.known) => {
+            Some(best) if self.manner.settles && best.misfit.explained(self.known) => {
                 let start = other_offset(best, &data.of_later, OFFSET * self.size);
                 (self.stage, self.fit) = (Stage::Offset, self.of(&start));
             }
@@ -178,8 +186,18 @@ impl<M: Family<P, N>, const P: usize, const N: usize> Anchoring<M, P, N> {
     }
 
     fn of(&self, start: &Start<M, N>) -> Fit<M, P, N> {
-        Fit::new(start, self.fit.end(), STEPS)
+        fit_of(start, self.fit.end(), (STEPS, &self.manner))
     }
+}
+
+/// A fit to so many outputs.
+fn fit_of<M: Family<P, N>, const P: usize, const N: usize>(
+    start: &Start<M, N>,
+    end: usize,
+    (steps, manner): (usize, &Manner),
+) -> Fit<M, P, N> {
+    let fit = Fit::new(start, end, steps);
+    if manner.near { fit.near() } else { fit }
 }
 
 /// -2 log of the probability at the optimum, but for what all have; nothing comes last.

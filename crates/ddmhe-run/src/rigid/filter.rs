@@ -280,10 +280,11 @@ impl<const P: usize, const N: usize> Filter<P, N> {
     pub fn predict<M: Motion<P, N>>(&mut self, motion: &M, known: (&M::Known, &M::Known)) -> bool {
         let ((at, off), mut F) = (self.about(), [[0.0; MOVING]; 3]);
         let (parts, w) = (motion.parts(&at), [at[0], at[1], at[2]]);
-        let Some(mut w) = flow_with_slopes(motion, &parts, known, w, &mut F) else {
+        let Some(moved) = flow_with_slopes(motion, &parts, known, 1.0, w, &mut F) else {
             self.z[0] = f64::NAN;
             return false;
         };
+        let mut w = moved.w;
         if let (Some(nominal), Some(off)) = (&mut self.nominal, off) {
             nominal[..3].copy_from_slice(&w);
             for (w, F) in w.iter_mut().zip(&F) {

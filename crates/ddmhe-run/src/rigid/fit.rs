@@ -1,7 +1,8 @@
 //! The most probable motion given all data, by Levenberg's and Marquardt's method in slices.
 
+use crate::rigid::data::Data;
 use crate::rigid::motion::Motion;
-use crate::rigid::pass::{Data, Pass, Units};
+use crate::rigid::pass::{Pass, Units};
 use crate::rigid::posterior::Posterior;
 use crate::rigid::start::Start;
 
@@ -20,8 +21,12 @@ const ENDED: (f64, f64) = (1e-2, 1e-3);
 /// valley in which damped steps are short.
 const DECREMENT: f64 = 1.0;
 
+/// λ at the beginning of a fit that is near its end; it has ended when its linearisation has less than
+/// the second to gain, which is then taken as it is, or when a step gains less.
+const NEAR: (f64, f64) = (1e-5, 0.5);
+
 /// Samples whose cost alone takes the time of one with derivatives.
-const LIGHT: usize = 4;
+const LIGHT: usize = 3;
 
 /// What is next.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -48,6 +53,8 @@ pub struct Fit<M, const P: usize, const N: usize> {
     best: Pass<P, N>,
     tried: Pass<P, N>,
     lambda: f64,
+    /// Whether it is of the kind that is near its end.
+    near: bool,
     steps: usize,
     failures: usize,
     most: usize,
@@ -69,6 +76,7 @@ impl<M: Motion<P, N> + Clone, const P: usize, const N: usize> Fit<M, P, N> {
             best,
             tried,
             lambda: DAMPING.0,
+            near: false,
             steps: 0,
             failures: 0,
             most,
@@ -76,6 +84,13 @@ impl<M: Motion<P, N> + Clone, const P: usize, const N: usize> Fit<M, P, N> {
             phase: Phase::Pass,
             inverse: [[0.0; N]; N],
         }
+    }
+
+    /// The same from where little is left to do, and where there is little time for it.
+    #[must_use]
+    pub fn near(mut self) -> Self {
+        (self.near, self.lambda) = (true, NEAR.0);
+        self
     }
 
     /// How many outputs it is of.
@@ -125,13 +140,6 @@ impl<M: Motion<P, N> + Clone, const P: usize, const N: usize> Fit<M, P, N> {
         matches!(self.phase, Phase::Found | Phase::Lost)
     }
 
-    /// The best so far.
-    pub fn best(&self) -> Option<Start<M, N>> {
-        let Pass { z, firsts, cost, .. } = &self.best;
-        let motion = self.motion.clone();
-        (*cost < f64::INFINITY).then_some(Start { motion, z: *z, firsts: *firsts })
-    }
-
     /// All of it at once.
     pub fn finish(
         mut self,
@@ -173,18 +181,19 @@ impl<M: Motion<P, N> + Clone, const P: usize, const N: usize> Fit<M, P, N> {
             self.failures = 0;
             self.steps += 1;
             self.lambda = (self.lambda / FACTORS.1).max(DAMPING.1);
-            let ended = gain < ENDED.0 && self.lambda < ENDED.1 && !self.may_gain(DECREMENT);
+            let ended = match self.near {
+                true => gain < NEAR.1 || !self.may_gain(NEAR.1),
+                false => gain < ENDED.0 && self.lambda < ENDED.1 && !self.may_gain(DECREMENT),
+            };
             if ended || self.steps == self.most {
                 self.phase = Phase::Inverse;
             }
         }
     }
 
-    /// Whether an undamped step would lower the cost by more than so much, were all linear: ‖q‖² of the
-    /// best's factor.
+    /// Whether an undamped step would lower the cost by more than so much, were all linear.
     fn may_gain(&self, more: f64) -> bool {
-        let best = &self.best;
-        best.factor.q.iter().map(|q| q * q).sum::<f64>() + best.earlier.squares() > more
+        self.best.gain() > more
     }
 
     /// What an ended fit found; None where the motion of its start runs away.
@@ -192,17 +201,26 @@ impl<M: Motion<P, N> + Clone, const P: usize, const N: usize> Fit<M, P, N> {
         if self.phase != Phase::Found {
             return None;
         }
-        let Pass { z, firsts, cost, factor, earlier, w, S, .. } = &self.best;
+        let Pass { mut z, mut firsts, mut cost, factor, earlier, mut w, S, .. } = self.best;
+        if self.near && !self.may_gain(NEAR.1) {
+            let (d, of_firsts) = earlier.damped_step(&factor, 0.0);
+            z.iter_mut().zip(d).for_each(|(z, d)| *z += d);
+            for (w, S) in w.iter_mut().zip(&S) {
+                *w += S.iter().zip(&d).map(|(S, d)| S * d).sum::<f64>();
+            }
+            firsts = firsts.moved(&of_firsts);
+            cost -= self.best.gain();
+        }
         let determinant = factor.log_determinant() + earlier.log_determinant();
         let spread = self.motion.spread();
         let priors: f64 = spread[3..].iter().map(|sd| libm::log(*sd)).sum();
         Some(Posterior {
             motion: self.motion.clone(),
-            z: *z,
-            firsts: *firsts,
-            w: *w,
-            P: covariance(&self.inverse, S),
-            cost: *cost,
+            z,
+            firsts,
+            w,
+            P: covariance(&self.inverse, &S),
+            cost,
             evidence: -0.5 * cost - determinant - priors,
             misfit: self.best.misfit(),
         })

@@ -2,9 +2,9 @@
 //! far they are apart.
 
 use crate::rigid::anchoring::{OPTIMA, Optima};
+use crate::rigid::data::Data;
 use crate::rigid::filter::{DISAGREE, Filter, Limits};
 use crate::rigid::motion::Family;
-use crate::rigid::pass::Data;
 use crate::rigid::posterior::Posterior;
 use crate::rigid::small::{Matrix, Vector};
 use crate::rigid::start::Start;
@@ -27,13 +27,19 @@ pub struct Member<M, const P: usize, const N: usize> {
 pub struct Mixture<M, const P: usize, const N: usize> {
     members: [Option<Member<M, P, N>>; OPTIMA],
     probabilities: [f64; OPTIMA],
+    /// How many later outputs its fits are of.
+    pub of: usize,
 }
 
 impl<M: Family<P, N>, const P: usize, const N: usize> Mixture<M, P, N> {
-    /// From the end of a fit's data on, of at most so many optima; None without one. Those that are
+    /// From the end of fits to so many later outputs on, of at most so many optima; None without one. Those that are
     /// the same count once, and those of Euler's rule only where the best is: it is a way to
     /// simulate, not a body.
-    pub fn new(optima: &Optima<M, N>, noise: &[f64; P], most: usize) -> Option<Self> {
+    pub fn new(
+        optima: &Optima<M, N>,
+        noise: &[f64; P],
+        (most, outputs): (usize, usize),
+    ) -> Option<Self> {
         let euler = |found: &Posterior<M, N>| found.motion.is_simulated();
         let first = euler(optima[0].as_ref()?);
         let mut members = [const { None }; OPTIMA];
@@ -45,14 +51,14 @@ impl<M: Family<P, N>, const P: usize, const N: usize> Mixture<M, P, N> {
                 free += 1;
             }
         }
-        Mixture::of(members.into_iter().flatten())
+        Mixture::of(members.into_iter().flatten(), outputs)
     }
 
-    /// Of these; None without one.
-    pub fn of(given: impl Iterator<Item = Member<M, P, N>>) -> Option<Self> {
+    /// Of these, whose fits are of so many later outputs; None without one.
+    pub fn of(given: impl Iterator<Item = Member<M, P, N>>, outputs: usize) -> Option<Self> {
         let mut members = [const { None }; OPTIMA];
         members.iter_mut().zip(given).for_each(|(own, member)| *own = Some(member));
-        let mut mixture = Mixture { members, probabilities: [0.0; OPTIMA] };
+        let mut mixture = Mixture { members, probabilities: [0.0; OPTIMA], of: outputs };
         mixture.weigh().then_some(mixture)
     }
 

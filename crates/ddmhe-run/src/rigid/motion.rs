@@ -119,19 +119,30 @@ pub trait Family<const P: usize, const N: usize>: Motion<P, N> + Copy {
     }
 }
 
-/// ω a sample later; None where it runs away.
+/// Where a motion has come to.
+#[derive(Debug, Clone, Copy)]
+pub struct Moved {
+    /// ω.
+    pub w: Vector,
+    /// By how much dω/dt has changed on the way, of several substeps in the last.
+    pub bent: Vector,
+}
+
+/// ω so many samples later; None where it runs away.
 #[inline(always)]
 pub fn flow<const P: usize, const N: usize, M: Motion<P, N>>(
     motion: &M,
     parts: &M::Parts,
     (from, to): (&M::Known, &M::Known),
+    samples: f64,
     mut w: Vector,
-) -> Option<Vector> {
+) -> Option<Moved> {
     let Steps { dt, substeps, limit } = motion.steps();
     if substeps == 0 {
-        return ahead(&w, dt, &motion.rate(parts, &M::between(from, to, 0.0), &w), limit);
+        let w = ahead(&w, dt, &motion.rate(parts, &M::between(from, to, 0.0), &w), limit)?;
+        return Some(Moved { w, bent: [0.0; 3] });
     }
-    let h = dt / substeps as f64;
+    let (h, mut bent) = (dt * samples / substeps as f64, [0.0; 3]);
     for step in 0..substeps {
         let drive = |c: f64| M::between(from, to, (step as f64 + c) / substeps as f64);
         let at = |c: f64, k: &Vector| [0, 1, 2].map(|i| w[i] + c * k[i]);
@@ -140,8 +151,9 @@ pub fn flow<const P: usize, const N: usize, M: Motion<P, N>>(
         let k3 = motion.rate(parts, &drive(0.5), &at(h / 2.0, &k2));
         let k4 = motion.rate(parts, &drive(1.0), &at(h, &k3));
         w = ahead(&w, h / 6.0, &combined(&k1, &k2, &k3, &k4), limit)?;
+        bent = [0, 1, 2].map(|i| k4[i] - k1[i]);
     }
-    Some(w)
+    Some(Moved { w, bent })
 }
 
 /// The same with dω(after)/d(ω, θ), in which the derivative by ω itself is that by ω before.
@@ -150,16 +162,17 @@ pub fn flow_with_slopes<const P: usize, const N: usize, M: Motion<P, N>>(
     motion: &M,
     parts: &M::Parts,
     (from, to): (&M::Known, &M::Known),
+    samples: f64,
     mut w: Vector,
     out: &mut Slopes,
-) -> Option<Vector> {
+) -> Option<Moved> {
     let Steps { dt, substeps, limit } = motion.steps();
     if substeps == 0 {
         let f = motion.slope(parts, &M::between(from, to, 0.0), &w, out);
         *out = from_identity(dt, out);
-        return ahead(&w, dt, &f, limit);
+        return Some(Moved { w: ahead(&w, dt, &f, limit)?, bent: [0.0; 3] });
     }
-    let h = dt / substeps as f64;
+    let (h, mut bent) = (dt * samples / substeps as f64, [0.0; 3]);
     for step in 0..substeps {
         let drive = |c: f64| M::between(from, to, (step as f64 + c) / substeps as f64);
         let (mut k, mut B) = ([[0.0; 3]; 4], [[[0.0; MOVING]; 3]; 4]);
@@ -171,6 +184,7 @@ pub fn flow_with_slopes<const P: usize, const N: usize, M: Motion<P, N>>(
             chain(c, &mut now[0], &before[stage - 1]);
         }
         w = ahead(&w, h / 6.0, &combined(&k[0], &k[1], &k[2], &k[3]), limit)?;
+        bent = [0, 1, 2].map(|i| k[3][i] - k[0][i]);
         let mut sum = [[0.0; MOVING]; 3];
         for (i, row) in sum.iter_mut().enumerate() {
             for (j, entry) in row.iter_mut().enumerate() {
@@ -180,7 +194,7 @@ pub fn flow_with_slopes<const P: usize, const N: usize, M: Motion<P, N>>(
         let own = from_identity(h / 6.0, &sum);
         *out = if step == 0 { own } else { after(&own, out) };
     }
-    Some(w)
+    Some(Moved { w, bent })
 }
 
 /// k₁ + 2 (k₂ + k₃) + k₄

@@ -1,8 +1,9 @@
 //! One pass over the data: the cost of z, and the triangular factor of its whitened Jacobian.
 
-use crate::rigid::earlier::{Earlier, Eliminated, Firsts};
+use crate::rigid::data::Data;
+use crate::rigid::earlier::{Eliminated, Firsts};
 use crate::rigid::factor::Factor;
-use crate::rigid::motion::{MOVING, Motion, Slopes, flow, flow_with_slopes};
+use crate::rigid::motion::{MOVING, Motion, Moved, Slopes, flow, flow_with_slopes};
 use crate::rigid::posterior::Misfit;
 use crate::rigid::small::Vector;
 
@@ -12,75 +13,6 @@ const ROWS: usize = 24;
 const OF_SAMPLE: usize = 12;
 /// Samples of a block whose mean residual is looked at.
 const BLOCK: usize = 10;
-
-/// What is fitted: recordings, and the outputs since the last of them, NaN = not measured. Noise is
-/// infinite of outputs that there are none of.
-#[derive(Debug, Clone, Copy)]
-pub struct Data<'a, const P: usize, K = ()> {
-    /// Recordings before the last one, of a motion that goes on by itself.
-    pub earlier: Earlier<'a, P>,
-    /// Recorded rates (T+1).
-    pub x: &'a [Vector],
-    /// Recorded outputs (T).
-    pub y: &'a [[f64; P]],
-    /// Later outputs.
-    pub later: &'a [[f64; P]],
-    /// Later rates, as many as there are later outputs, or none of all.
-    pub rates: &'a [Vector],
-    /// What is known of each sample: of the motion [`Motion::EVERYWHERE`] where nothing has to be. One
-    /// that is driven stands still after the last of them.
-    pub known: &'a [K],
-    /// Noise of recorded rates.
-    pub of_x: Vector,
-    /// Of recorded outputs.
-    pub of_y: [f64; P],
-    /// Of later ones.
-    pub of_later: [f64; P],
-    /// Of later rates.
-    pub of_rates: Vector,
-}
-
-impl<const P: usize, K> Data<'_, P, K> {
-    /// How many outputs were recorded, in all recordings.
-    pub fn recorded(&self) -> usize {
-        self.earlier.y.len() + self.y.len()
-    }
-
-    /// Recording i alone and the number of its outputs, if it is an earlier one; else the last
-    /// recording and what came since, of which a fit has the outputs before `end`.
-    #[inline(always)]
-    fn part(&self, i: usize, end: usize) -> (Self, usize)
-    where
-        K: Copy,
-    {
-        match self.earlier.part(i) {
-            Some((x, y)) => (Data { x, y, later: &[], rates: &[], ..*self }, y.len()),
-            None => (*self, end),
-        }
-    }
-
-    /// Output k and its noise.
-    #[inline(always)]
-    fn output(&self, k: usize) -> (&[f64; P], &[f64; P]) {
-        match k < self.y.len() {
-            true => (&self.y[k], &self.of_y),
-            false => (&self.later[k - self.y.len()], &self.of_later),
-        }
-    }
-
-    /// What is known of the samples from k on, of those that a fit to `end` outputs is of.
-    #[inline(always)]
-    fn known_from(&self, k: usize, end: usize, driven: bool) -> &[K] {
-        let until = if driven { end.max(self.x.len()) } else { usize::MAX };
-        self.known.get(k..until.min(self.known.len())).unwrap_or(&[])
-    }
-
-    /// The rates that were measured with later output k.
-    #[inline(always)]
-    fn rate(&self, k: usize) -> Option<&Vector> {
-        self.rates.get(k.wrapping_sub(self.y.len()))
-    }
-}
 
 /// How the work of a pass is done: with which of the machine's vector units. The numbers are the same.
 pub trait Units {
@@ -223,7 +155,7 @@ impl<const P: usize, const N: usize> Pass<P, N> {
         (end, samples): (usize, usize),
         most: f64,
     ) -> bool {
-        let parts = motion.parts(&self.z);
+        let (parts, dt) = (motion.parts(&self.z), motion.steps().dt);
         let (mut own, mut until) = data.part(self.part, end);
         for _ in 0..samples {
             if self.next < own.x.len() {
@@ -245,17 +177,26 @@ impl<const P: usize, const N: usize> Pass<P, N> {
             if let Some(x) = own.rate(self.next) {
                 self.rate(x, &own.of_rates);
             }
-            let known = own.known_from(self.next, until, M::DRIVEN);
-            if let Some(now) = known.first() {
-                self.output(motion, (&parts, now), own.output(self.next));
-            }
-            let [from, to, ..] = known else {
-                self.goes_on(Some(self.w), most);
-                continue;
-            };
+            let (known, span) =
+                (own.known_from(self.next, until, M::DRIVEN), own.span(self.next, until));
             let mut F = [[0.0; MOVING]; 3];
-            if !self.goes_on(flow_with_slopes(motion, &parts, (from, to), self.w, &mut F), most) {
+            let moved = match known {
+                [from, to, ..] => {
+                    flow_with_slopes(motion, &parts, (from, to), span, self.w, &mut F)
+                }
+                _ => Some(Moved { w: self.w, bent: [0.0; 3] }),
+            };
+            if let (Some(now), Some(moved), Some(measured)) =
+                (known.first(), &moved, own.output(self.next))
+            {
+                let w = own.seen(self.next, (dt, span), &self.w, moved);
+                self.output(motion, (&parts, now), &w, measured);
+            }
+            if !self.goes_on(moved, most) {
                 return true;
+            }
+            if known.len() < 2 {
+                continue;
             }
             self.carry(&F);
         }
@@ -271,7 +212,7 @@ impl<const P: usize, const N: usize> Pass<P, N> {
         (end, samples): (usize, usize),
         most: f64,
     ) -> bool {
-        let parts = motion.parts(&self.z);
+        let (parts, dt) = (motion.parts(&self.z), motion.steps().dt);
         let square = |v: f64, by: f64| if v.is_finite() { (v / by) * (v / by) } else { 0.0 };
         let (mut own, mut until) = data.part(self.part, end);
         for _ in 0..samples {
@@ -289,16 +230,19 @@ impl<const P: usize, const N: usize> Pass<P, N> {
             if let Some(x) = own.rate(self.next) {
                 self.cost += (0..3).map(|i| square(x[i] - w[i], own.of_rates[i])).sum::<f64>();
             }
-            let known = own.known_from(self.next, until, M::DRIVEN);
-            if let Some(now) = known.first() {
-                let ((y, noise), expected) =
-                    (own.output(self.next), motion.output(&parts, now, &w));
+            let (known, span) =
+                (own.known_from(self.next, until, M::DRIVEN), own.span(self.next, until));
+            let next = match known {
+                [from, to, ..] => flow(motion, &parts, (from, to), span, w),
+                _ => Some(Moved { w, bent: [0.0; 3] }),
+            };
+            if let (Some(now), Some(moved), Some((y, noise))) =
+                (known.first(), &next, own.output(self.next))
+            {
+                let seen = own.seen(self.next, (dt, span), &w, moved);
+                let expected = motion.output(&parts, now, &seen);
                 self.cost += (0..P).map(|i| square(y[i] - expected[i], noise[i])).sum::<f64>();
             }
-            let next = match known {
-                [from, to, ..] => flow(motion, &parts, (from, to), w),
-                _ => Some(w),
-            };
             if !self.goes_on(next, most) {
                 return true;
             }
@@ -309,12 +253,12 @@ impl<const P: usize, const N: usize> Pass<P, N> {
     /// On to the next sample, where ω is w; false where that runs away or the cost exceeds `most`: it
     /// is then infinite.
     #[inline(always)]
-    fn goes_on(&mut self, w: Option<Vector>, most: f64) -> bool {
-        let Some(w) = w.filter(|_| self.cost <= most && self.cost < f64::INFINITY) else {
+    fn goes_on(&mut self, moved: Option<Moved>, most: f64) -> bool {
+        let Some(moved) = moved.filter(|_| self.cost <= most && self.cost < f64::INFINITY) else {
             self.cost = f64::INFINITY;
             return false;
         };
-        (self.w, self.next) = (w, self.next + 1);
+        (self.w, self.next) = (moved.w, self.next + 1);
         true
     }
 
@@ -357,15 +301,15 @@ impl<const P: usize, const N: usize> Pass<P, N> {
         }
     }
 
-    /// Rows of an output.
+    /// Rows of an output where ω is w.
     #[inline(always)]
     fn output<M: Motion<P, N>>(
         &mut self,
         motion: &M,
         (parts, known): (&M::Parts, &M::Known),
+        w: &Vector,
         (y, noise): (&[f64; P], &[f64; P]),
     ) {
-        let w = &self.w;
         let (expected, rows) = (motion.output(parts, known, w), motion.rows(parts, known, w));
         let mut residuals = [0.0; P];
         for i in 0..P {
@@ -403,6 +347,11 @@ impl<const P: usize, const N: usize> Pass<P, N> {
     fn push(&mut self, row: &[f64; N], e: f64) {
         (self.rows[self.filled], self.right[self.filled]) = (*row, e);
         self.filled += 1;
+    }
+
+    /// By how much an undamped step would lower the cost, were all linear: ‖q‖².
+    pub fn gain(&self) -> f64 {
+        self.factor.q.iter().map(|q| q * q).sum::<f64>() + self.earlier.squares()
     }
 
     /// How the residuals of an ended pass compare with their noise.

@@ -1,11 +1,12 @@
 //! The estimator of a rigid body, sample by sample: the filters, and fits anew beside them.
 
-use crate::rigid::anchoring::{Anchoring, Optima};
+use crate::rigid::anchoring::{Anchoring, Manner, Optima};
+use crate::rigid::data::Data;
 use crate::rigid::filter::{Innovation, Limits};
 use crate::rigid::layout::outputs;
 use crate::rigid::mixture::{Member, Mixture};
 use crate::rigid::motion::Family;
-use crate::rigid::pass::{Data, Units};
+use crate::rigid::pass::Units;
 use crate::rigid::small::Vector;
 
 /// After how many lengths of the recordings all data are fitted anew; then each time that so many times
@@ -15,19 +16,18 @@ const SCHEDULE: ([f64; 7], f64, f64) = ([0.25, 0.35, 0.5, 0.7, 1.0, 1.4, 2.0], 1
 /// such a share of what the fit is of: before, fits follow each other so closely that the extended
 /// filter does.
 const HELD: (f64, f64) = (2.0, 0.5);
+/// The same where fits are made in slices, and come later.
+const HELD_IN_SLICES: (f64, f64) = (0.0, 2.0);
 /// The latest optimum of the leading motion is a start, too, up to so many of its lengths.
 const ALTERNATIVES: usize = 4;
-/// Samples of a fit that a step of [`Refit::Sliced`] takes in, with 1 to 6 outputs, 2 of them in room
-/// for 3, 4 and 5 in room for 6: some 20 µs on a PC.
-const SLICE: [usize; 6] = [43, 29, 20, 10, 8, 7];
-/// Samples that such a step replays.
-const REPLAYED: usize = 8;
+/// Samples of a fit, or means, that a step of [`Refit::Sliced`] takes in, with 1 to 6 outputs, 2 of them in room
+/// for 3, 4 and 5 in room for 6: some 25 µs on a PC.
+const SLICE: [usize; 6] = [64, 43, 30, 15, 12, 10];
+/// Samples that such a step replays: of all motions together, and of each at least.
+const REPLAYED: (usize, usize) = (15, 4);
 /// Lengths of the recording after which its first round of fits begins, and by what factor more time
-/// is to have passed at the next.
-const SLICED: (f64, f64) = (0.12, 3.0);
-/// A round begins anew, from where its fits have come to, when that share of its data has come in
-/// since: they are of too little then, and with more data they end sooner.
-const STALE: f64 = 0.5;
+/// is to have passed at the next. Each is followed by as long a rest: most steps are the filters' alone.
+const SLICED: (f64, f64) = (0.12, 1.2);
 /// So many of the first rounds of fits, and then each time twice as many, one is thorough.
 const THOROUGH: usize = 3;
 
@@ -55,7 +55,8 @@ pub const fn slice(p: usize) -> usize {
 pub enum Refit {
     /// One round after the other, a slice with each step: the filters go on meanwhile, and at the end
     /// others go on from the fits, with what came since. The third round, the sixth, the twelfth, …
-    /// are thorough: they also try the other prior on offsets. What hardly counts is not fitted.
+    /// are thorough: they also try the other prior on offsets. What hardly counts is not fitted. Fits
+    /// are of means where there are such.
     #[default]
     Sliced,
     /// When they are due, in the step that they are due in.
@@ -86,6 +87,8 @@ pub struct Stepper<M, const P: usize, const N: usize> {
     pub fits: usize,
     /// Sample at which the last of them began.
     pub begun: usize,
+    /// Sample at which the last round of fits ended.
+    pub ended: usize,
     /// What goes on beside the filters.
     pub work: Option<Work<M, P, N>>,
     /// Whether motions are fitted anew, and when.
@@ -110,10 +113,22 @@ impl<M: Family<P, N>, const P: usize, const N: usize> Stepper<M, P, N> {
         (size, known, most): (f64, bool, usize),
     ) -> Option<Self> {
         let unexplained = !optima[0].as_ref()?.misfit.explained(known);
-        let mixture = Mixture::new(optima, noise, most)?;
+        let mixture = Mixture::new(optima, noise, (most, 0))?;
         let (t, fits, begun) = (0, 0, 0);
         let work = None;
-        Some(Stepper { mixture, t, fits, begun, work, refit, size, known, most, unexplained })
+        Some(Stepper {
+            mixture,
+            t,
+            fits,
+            begun,
+            ended: 0,
+            work,
+            refit,
+            size,
+            known,
+            most,
+            unexplained,
+        })
     }
 
     /// The motion that is believed most.
@@ -174,12 +189,17 @@ impl<M: Family<P, N>, const P: usize, const N: usize> Stepper<M, P, N> {
             Some(Refit::Sliced) => self.slice(data, limits, units),
             Some(Refit::Manual) | None => {}
         }
-        let since = self.t.saturating_sub(self.begun);
-        if since as f64 > HELD.1 * (data.recorded() + self.begun) as f64 {
+        let of = self.mixture.of;
+        if self.t.saturating_sub(of) as f64 > self.held().1 * (data.recorded() + of) as f64 {
             self.mixture.hold(false);
         }
         let Some(limits) = limits.filter(|_| !M::DRIVEN) else { return };
         self.mixture.counted_mut().for_each(|(_, member)| member.filter.confine(limits));
+    }
+
+    /// When filters are linear about their fits.
+    fn held(&self) -> (f64, f64) {
+        if self.refit == Some(Refit::Sliced) { HELD_IN_SLICES } else { HELD }
     }
 
     /// Whether a fit is due, or was since the last one: it is then no more.
@@ -195,6 +215,7 @@ impl<M: Family<P, N>, const P: usize, const N: usize> Stepper<M, P, N> {
     /// motion; whether a rigid body explains them. `data` ends with y(t-1).
     pub fn fit_anew(&mut self, data: &Data<'_, P, M::Known>, units: &impl Units) -> bool {
         self.work = None;
+        let data = &data.singly();
         let Some(mut fits) = self.starts(data, true) else { return false };
         while !fits.advance(data, usize::MAX, units) {}
         self.begun = self.t;
@@ -245,8 +266,15 @@ impl<M: Family<P, N>, const P: usize, const N: usize> Stepper<M, P, N> {
         let first = if all || held { leading.from_filter() } else { leading.from_optimum() };
         let starts =
             core::iter::once(first).chain(stale.then(|| leading.from_optimum())).chain(others);
-        let settings = (self.size, self.known, settles);
-        Anchoring::new(starts, data.y.len() + self.t, settings)
+        let (later, near) = (self.t, !all);
+        let means = data.means.filter(|means| {
+            near && data.rates.is_empty()
+                && !leading.found.motion.is_simulated()
+                && means.are_whole(later)
+        });
+        let end = data.y.len() + means.map_or(later, |means| means.reach(later));
+        let manner = Manner { settles, near, of_means: means.is_some() };
+        Anchoring::new(starts, end, (self.size, self.known), manner)
     }
 
     /// What goes on from ended fits; where no body explains the data all filters doubt.
@@ -256,15 +284,16 @@ impl<M: Family<P, N>, const P: usize, const N: usize> Stepper<M, P, N> {
         data: &Data<'_, P, M::Known>,
     ) -> Option<Mixture<M, P, N>> {
         let leading = self.leading()?.filter;
-        let found = fits.optima().and_then(|found| Mixture::new(&found, &leading.noise, self.most));
+        let since = fits.end() - data.y.len();
+        let settings = (self.most, since);
+        let found = fits.optima().and_then(|found| Mixture::new(&found, &leading.noise, settings));
         self.unexplained = found.is_none();
         let Some(mut mixture) = found else {
             self.mixture.counted_mut().for_each(|(_, member)| member.filter.doubt());
             return None;
         };
         mixture.counted_mut().for_each(|(_, member)| member.filter.inherit(&leading));
-        let since = fits.end() - data.y.len();
-        mixture.hold(since as f64 >= HELD.0 * data.recorded() as f64);
+        mixture.hold(since as f64 >= self.held().0 * data.recorded() as f64);
         Some(mixture)
     }
 
@@ -281,32 +310,30 @@ impl<M: Family<P, N>, const P: usize, const N: usize> Stepper<M, P, N> {
         match &mut self.work {
             None => {}
             Some(Work::Fits(fits, calls)) => {
-                let end = data.y.len() + self.t;
-                let of = data.earlier.y.len() + fits.end();
-                if (end - fits.end()) as f64 > STALE * of as f64
-                    && let Some(newer) = fits.anew(end)
-                {
-                    (*fits, *calls, self.begun) = (newer, 0, self.t);
-                }
+                let singly = data.singly();
+                let of = if fits.manner().of_means { data } else { &singly };
                 *calls += 1;
-                if fits.advance(data, slice(outputs(&data.of_later)), units)
+                if fits.advance(of, slice(outputs(&data.of_later)), units)
                     && let Some(Work::Fits(fits, _)) = self.work.take()
                 {
                     let next = fits.end() - data.y.len();
+                    self.ended = self.t;
                     self.work =
                         self.following(&fits, data).map(|mixture| Work::Replay(mixture, next));
                 }
             }
             Some(Work::Replay(mixture, next)) => {
-                let count = (REPLAYED / mixture.counted_mut().count().max(1)).max(2);
+                let count = (REPLAYED.0 / mixture.counted_mut().count().max(1)).max(REPLAYED.1);
                 let until = self.t.min(*next + count);
                 let foretold = mixture.replay(data, *next..until, limits);
                 *next = until;
                 if (!foretold || until == self.t)
                     && let Some(Work::Replay(mixture, _)) = self.work.take()
-                    && foretold
                 {
-                    self.mixture = mixture;
+                    self.ended = self.t;
+                    if foretold {
+                        self.mixture = mixture;
+                    }
                 }
             }
         }
@@ -316,7 +343,8 @@ impl<M: Family<P, N>, const P: usize, const N: usize> Stepper<M, P, N> {
     fn begin(&mut self, data: &Data<'_, P, M::Known>) {
         let outputs = data.recorded();
         let next = (SLICED.0 * outputs as f64).max(SLICED.1 * self.begun as f64);
-        if (self.t as f64) < next || self.t > last_fit(outputs) {
+        let rested = self.ended + self.ended.saturating_sub(self.begun);
+        if self.t < rested || (self.t as f64) < next || self.t > last_fit(outputs) {
             return;
         }
         let rounds = self.fits + 1;
