@@ -18,7 +18,7 @@ from reach_asked import asked, mean
 from reach_page import put
 
 HELD = "held out"
-SETS = {"thirty bodies": range(1000, 1030), HELD: range(5000, 5030)}
+SETS = {"thirty bodies": range(1000, 1030), HELD: range(8000, 8030)}
 """Seeds. On the first thirty things may have been chosen, on the held-out ones nothing was."""
 SPANS = (20, 40, 100, 600)
 """Seconds after the recording's end over which errors are taken."""

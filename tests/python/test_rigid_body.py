@@ -269,7 +269,8 @@ def test_the_report_says_what_the_body_is(made):
     )
     assert len(after.optima) >= 1
     assert "explains" in after.words[0]
-    assert est.warnings == []
+    (line,) = est.warnings  # its rates are read with noise of 1e-3 rad/s
+    assert "recorded rates hardly spread in a second direction" in line
 
 
 def test_a_recording_of_no_body_is_left_to_the_affine_estimator():

@@ -27,6 +27,9 @@ use serde::{Deserialize, Serialize};
 const LOST: (f64, usize) = (8.0, 100);
 /// Weight of the newest sample in the affine estimator's score, and its most: the filter's.
 const AVERAGE: (f64, f64) = (0.03, 10.0);
+/// Recorded rates that spread in a second direction by less than so many times their noise lie along a
+/// line. So did six of seven, of 210, that were trusted for long while five deviations off.
+const A_LINE: f64 = 3.0;
 /// Score above which the affine estimator stands by, and below which it rests again.
 const STANDS_BY: (f64, f64) = (DISAGREE, 1.0);
 
@@ -332,6 +335,12 @@ impl RigidBodyMhe {
                 "it is nearer than an affine motion, and goes on with more noise than was recorded",
             )),
             (false, false) => words.push(why("the affine estimator stands in for it")),
+        }
+        if let Some(spread) = self.rigid.second_spread().filter(|spread| *spread < A_LINE) {
+            words.push(format!(
+                "recorded rates hardly spread in a second direction ({spread:.1} times their noise): \
+                 many bodies do that, and bars may be much too narrow"
+            ));
         }
         if self.rigid.doubted() {
             words.push(

@@ -48,6 +48,9 @@ pub(crate) trait Online: Send + Sync {
     fn explained(&self) -> bool;
     /// Whether none explains the data of the latest fits, not even with as much noise as it leaves.
     fn doubted(&self) -> bool;
+    /// [`Recording::second_spread`](crate::rigid::recording::Recording::second_spread), of a body that
+    /// explains the recording and is seen by nothing but its own turns.
+    fn second_spread(&self) -> Option<f64>;
     /// What is known of the body; None where no fit came to an end.
     fn report(&self) -> Option<Report>;
     /// What changes from step to step.
@@ -111,6 +114,10 @@ impl Online for NoBody {
 
     fn doubted(&self) -> bool {
         false
+    }
+
+    fn second_spread(&self) -> Option<f64> {
+        None
     }
 
     fn report(&self) -> Option<Report> {
@@ -364,6 +371,11 @@ impl<M: Fitted<P, N>, const P: usize, const N: usize> Online for Run<M, P, N> {
 
     fn explained(&self) -> bool {
         self.ground.choice.explained
+    }
+
+    fn second_spread(&self) -> Option<f64> {
+        let alone = self.is_rigid() && self.explained() && !M::DRIVEN;
+        alone.then(|| self.ground.recording.second_spread())
     }
 
     fn doubted(&self) -> bool {

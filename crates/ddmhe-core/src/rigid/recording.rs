@@ -9,7 +9,7 @@ use crate::variation::{least_squares, noise_levels};
 use ddmhe_run::rigid::layout::{DRAG, DRAG_CUBIC, GAIN, INERTIA, TILT, offset, output_cubic};
 use ddmhe_run::rigid::motion::Steps;
 use ddmhe_run::rigid::{Body, Data, Earlier, Firsts, Start};
-use faer::Mat;
+use faer::{Mat, Side};
 
 /// Largest angle that a substep turns by (rad).
 const TURN: f64 = 0.08;
@@ -175,6 +175,20 @@ impl<const P: usize> Recording<P> {
     /// Runge and Kutta's rule, in substeps.
     pub fn steps(&self) -> Steps {
         self.steps
+    }
+
+    /// How far recorded rates spread in the second of their principal directions, in units of their
+    /// noise: near 1 they lie along a line.
+    pub fn second_spread(&self) -> f64 {
+        let count = self.x.len() as f64;
+        let scaled = |i: usize| self.x.iter().map(move |w| w[i] / self.of_x[i]);
+        let means = [0, 1, 2].map(|i| scaled(i).sum::<f64>() / count);
+        let covariance = Mat::from_fn(3, 3, |i, k| {
+            let both = scaled(i).zip(scaled(k));
+            both.map(|(a, b)| (a - means[i]) * (b - means[k])).sum::<f64>() / count
+        });
+        let spreads = covariance.self_adjoint_eigenvalues(Side::Lower);
+        spreads.map_or(f64::NAN, |spreads| spreads[1].max(0.0).sqrt())
     }
 
     /// Over how many outputs means may be for fits in slices: a motion turns by no more meanwhile than
