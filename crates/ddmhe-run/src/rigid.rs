@@ -21,10 +21,10 @@
 //!
 //! # A tour
 //! [`motion`] (samples, with their derivatives) ← [`body`], [`field`] (in a known field) ·
-//! [`pass`] (the cost of z over all [`data`] or their [`means`], and its [`factor`]; `earlier` recordings'
-//! own unknowns are eliminated) → [`fit`] (Levenberg and Marquardt) → [`posterior`] → [`filter`] (one sample,
-//! from there on) → [`mixture`] (up to four of them) · [`anchoring`] (fits to all data since) →
-//! [`stepper`] (both together).
+//! [`pass`] (the cost of z over all [`data`] or their [`means`], and its [`factor`]; `earlier`
+//! recordings' own unknowns are eliminated) → [`fit`] (Levenberg and Marquardt) → [`posterior`] →
+//! [`filter`] (one sample, from there on) → [`mixture`] (up to four of them) · [`anchoring`] (fits to
+//! all data since) → [`stepper`] (both together).
 //!
 //! All of it has a fixed size, and nothing is allocated. There is room for P outputs, 1 to 6, and N is
 //! the number of unknowns, [`layout::unknowns`]`(P)`. Fewer outputs p come first; the others are never

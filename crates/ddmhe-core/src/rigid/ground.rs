@@ -79,7 +79,7 @@ impl<M: Fitted<P, N>, const P: usize, const N: usize> Ground<M, P, N> {
         Data {
             later: &later.outputs,
             rates: &later.rates,
-            means: later.means(&self.noise),
+            means: later.means(),
             of_later: self.noise,
             ..self.recording.data(of_all::<M, P, N>(known), 0.0)
         }
@@ -88,7 +88,7 @@ impl<M: Fitted<P, N>, const P: usize, const N: usize> Ground<M, P, N> {
     /// Nothing yet, with room for so many outputs: nothing is allocated later.
     pub fn nothing(&self, room: usize) -> Later<P> {
         let in_means = self.refit == Some(Refit::Sliced) && !M::DRIVEN;
-        Later::with_room(room, if in_means { self.recording.every() } else { 1 })
+        Later::with_room(room, &self.noise, if in_means { self.recording.every() } else { 1 })
     }
 
     /// How many later outputs are kept.

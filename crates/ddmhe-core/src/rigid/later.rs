@@ -11,17 +11,22 @@ pub(crate) struct Later<const P: usize> {
     means: Vec<[f64; P]>,
     mean: Mean<P>,
     every: usize,
+    /// Of means.
+    noise: [f64; P],
 }
 
 impl<const P: usize> Later<P> {
-    /// Nothing, with room for so many outputs; means are over so many, and there are none over one.
-    pub fn with_room(room: usize, every: usize) -> Self {
+    /// Nothing, with room for so many outputs of such noise; means are over so many, and there are none
+    /// over one.
+    pub fn with_room(room: usize, noise: &[f64; P], every: usize) -> Self {
+        let by = (every as f64).sqrt();
         Later {
             outputs: Vec::with_capacity(room),
             rates: Vec::with_capacity(room),
             means: Vec::with_capacity(if every > 1 { room / every } else { 0 }),
             mean: Mean::EMPTY,
             every,
+            noise: noise.map(|noise| noise / by),
         }
     }
 
@@ -47,10 +52,9 @@ impl<const P: usize> Later<P> {
         self.mean = Mean::EMPTY;
     }
 
-    /// Means of the outputs, whose noise is that.
-    pub fn means(&self, noise: &[f64; P]) -> Option<Means<'_, P>> {
-        let by = (self.every as f64).sqrt();
-        let noise = noise.map(|noise| noise / by);
-        (self.every > 1).then_some(Means { outputs: &self.means, every: self.every, noise })
+    /// Means of the outputs.
+    pub fn means(&self) -> Option<Means<'_, P>> {
+        let Later { means: outputs, every, noise, .. } = self;
+        (*every > 1).then_some(Means { outputs, every: *every, noise: *noise })
     }
 }

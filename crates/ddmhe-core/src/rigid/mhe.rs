@@ -91,8 +91,8 @@ struct Snapshot {
 
 impl RigidBodyMhe {
     /// Fits the recording from several starts: one, or up to eight of one body, each at a spin of its
-    /// own, and the run goes on from the end of the last. `fallback`: what takes over; None: a [`DdMhe`] with
-    /// its defaults, this box and this noise.
+    /// own, and the run goes on from the end of the last. `fallback`: what takes over; None: a
+    /// [`DdMhe`] with its defaults, this box and this noise.
     ///
     /// # Errors
     /// [`Error::Shape`], [`Error::Value`] or [`Error::NotFinite`] naming the setting at fault, or for

@@ -129,8 +129,7 @@ impl<M: Family<P, N>, const P: usize, const N: usize> Anchoring<M, P, N> {
                 let next = i + 1;
                 if let Some(start) = self.starts.get(next).copied().flatten() {
                     let steps = if self.manner.near { ALTERNATIVE } else { STEPS };
-                    let fit = fit_of(&start, self.fit.end(), (steps, &self.manner));
-                    (self.stage, self.fit) = (Stage::Starts(next), fit);
+                    (self.stage, self.fit) = (Stage::Starts(next), self.of(&start, steps));
                     return;
                 }
                 self.found.sort_unstable_by(|a, b| rank(a).total_cmp(&rank(b)));
@@ -168,7 +167,7 @@ impl<M: Family<P, N>, const P: usize, const N: usize> Anchoring<M, P, N> {
         match &self.found[0] {
             Some(best) if !best.misfit.explained(self.known) && !best.motion.is_cubic() => {
                 let start = Start { motion: best.motion.with_cubic(true), ..best.start() };
-                (self.stage, self.fit) = (Stage::Cubic, self.of(&start));
+                (self.stage, self.fit) = (Stage::Cubic, self.of(&start, STEPS));
             }
             _ => self.settle(data),
         }
@@ -179,14 +178,14 @@ impl<M: Family<P, N>, const P: usize, const N: usize> Anchoring<M, P, N> {
         match &self.found[0] {
             Some(best) if self.manner.settles && best.misfit.explained(self.known) => {
                 let start = other_offset(best, &data.of_later, OFFSET * self.size);
-                (self.stage, self.fit) = (Stage::Offset, self.of(&start));
+                (self.stage, self.fit) = (Stage::Offset, self.of(&start, STEPS));
             }
             _ => self.stage = Stage::Ended,
         }
     }
 
-    fn of(&self, start: &Start<M, N>) -> Fit<M, P, N> {
-        fit_of(start, self.fit.end(), (STEPS, &self.manner))
+    fn of(&self, start: &Start<M, N>, steps: usize) -> Fit<M, P, N> {
+        fit_of(start, self.fit.end(), (steps, &self.manner))
     }
 }
 

@@ -21,8 +21,10 @@ pub struct Data<'a, const P: usize, K = ()> {
     pub rates: &'a [Vector],
     /// Means of later outputs, of which the fit is in their place; there are no later rates then.
     pub means: Option<Means<'a, P>>,
-    /// What is known of each sample: of the motion [`EVERYWHERE`](crate::rigid::Motion::EVERYWHERE) where nothing has to be. One
+    /// What is known of each sample: of the motion [`EVERYWHERE`] where nothing has to be. One
     /// that is driven stands still after the last of them.
+    ///
+    /// [`EVERYWHERE`]: crate::rigid::Motion::EVERYWHERE
     pub known: &'a [K],
     /// Noise of recorded rates.
     pub of_x: Vector,

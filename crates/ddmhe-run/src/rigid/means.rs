@@ -26,8 +26,8 @@ impl<const P: usize> Means<'_, P> {
     pub fn are_whole(&self, later: usize) -> bool {
         let first = &self.outputs[..self.outputs.len().min(later / self.every)];
         let lacking = |i: usize| first.iter().filter(|y| y[i].is_nan()).count() as f64;
-        let there = (0..P).filter(|&i| self.noise[i].is_finite());
-        !first.is_empty() && there.into_iter().all(|i| lacking(i) <= LACKING * first.len() as f64)
+        let mut there = (0..P).filter(|&i| self.noise[i].is_finite());
+        !first.is_empty() && there.all(|i| lacking(i) <= LACKING * first.len() as f64)
     }
 
     /// What ω at the middle of a mean is to be moved by for its output to be the mean, by the change of

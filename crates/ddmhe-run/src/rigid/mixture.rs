@@ -32,9 +32,9 @@ pub struct Mixture<M, const P: usize, const N: usize> {
 }
 
 impl<M: Family<P, N>, const P: usize, const N: usize> Mixture<M, P, N> {
-    /// From the end of fits to so many later outputs on, of at most so many optima; None without one. Those that are
-    /// the same count once, and those of Euler's rule only where the best is: it is a way to
-    /// simulate, not a body.
+    /// Of at most so many optima, from the end of their fits to so many later outputs on; None
+    /// without one. Those that are the same count once, and those of Euler's rule only where the best
+    /// is: it is a way to simulate, not a body.
     pub fn new(
         optima: &Optima<M, N>,
         noise: &[f64; P],
@@ -201,19 +201,19 @@ impl<M: Family<P, N>, const P: usize, const N: usize> Mixture<M, P, N> {
 
     fn mean_of(&self, of: impl Fn(&Member<M, P, N>) -> (Vector, Matrix)) -> (Vector, Matrix) {
         let p = self.probabilities();
-        let counted = || {
-            let all = p.iter().zip(&self.members).filter(|(p, _)| **p > 0.0);
-            all.filter_map(|(p, m)| Some((*p, m.as_ref()?)))
-        };
-        if let (Some((_, only)), 1) = (counted().next(), counted().count()) {
-            return of(only);
+        let mut counted = [const { None }; OPTIMA];
+        for (own, (p, member)) in counted.iter_mut().zip(p.iter().zip(&self.members)) {
+            *own = member.as_ref().filter(|_| *p > 0.0).map(|member| (*p, of(member)));
+        }
+        let mut all = counted.iter().flatten();
+        if let (Some((_, only)), None) = (all.next(), all.next()) {
+            return *only;
         }
         let (mut w, mut covariance) = ([0.0; 3], [[0.0; 3]; 3]);
-        for (p, member) in counted() {
-            w.iter_mut().zip(of(member).0).for_each(|(sum, own)| *sum += p * own);
+        for (p, (own, _)) in counted.iter().flatten() {
+            w.iter_mut().zip(own).for_each(|(sum, own)| *sum += p * own);
         }
-        for (p, member) in counted() {
-            let (own, within) = of(member);
+        for (p, (own, within)) in counted.iter().flatten() {
             for i in 0..3 {
                 for k in 0..3 {
                     covariance[i][k] += p * (within[i][k] + (own[i] - w[i]) * (own[k] - w[k]));

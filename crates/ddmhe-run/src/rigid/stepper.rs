@@ -20,8 +20,8 @@ const HELD: (f64, f64) = (2.0, 0.5);
 const HELD_IN_SLICES: (f64, f64) = (0.0, 2.0);
 /// The latest optimum of the leading motion is a start, too, up to so many of its lengths.
 const ALTERNATIVES: usize = 4;
-/// Samples of a fit, or means, that a step of [`Refit::Sliced`] takes in, with 1 to 6 outputs, 2 of them in room
-/// for 3, 4 and 5 in room for 6: some 25 µs on a PC.
+/// Samples of a fit, or means, that a step of [`Refit::Sliced`] takes in, with 1 to 6 outputs, 2 of
+/// them in room for 3, 4 and 5 in room for 6: some 25 µs on a PC.
 const SLICE: [usize; 6] = [64, 43, 30, 15, 12, 10];
 /// Samples that such a step replays: of all motions together, and of each at least.
 const REPLAYED: (usize, usize) = (15, 4);
@@ -136,9 +136,9 @@ impl<M: Family<P, N>, const P: usize, const N: usize> Stepper<M, P, N> {
         self.mixture.at(self.mixture.leading())
     }
 
-    /// Consumes y(t-1), with what is known of that instant, and, where they were measured, rates of the same instant and their noise:
-    /// what y said to the leading motion, and whether ω(t) could be foretold. What was too wild for
-    /// that motion becomes NaN. A driven motion stays where it is.
+    /// Consumes y(t-1), with what is known of that instant, and, where they were measured, rates of
+    /// it and their noise: what y said to the leading motion, and whether ω(t) could be foretold.
+    /// What was too wild for that motion becomes NaN. A driven motion stays where it is.
     #[inline(always)]
     pub fn advance(
         &mut self,
