@@ -6,6 +6,8 @@ estimator and what nobody without the body's parameters can be better than.
 The unknowns are ω(0) 3, j 5, β 2, S 3, G 6. Sensitivities are the imaginary parts of a motion whose
 unknowns have an imaginary part of 1e-30 (complex step): no derivative is written down."""
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from bodies import DT, Bodies, euler, moved
@@ -54,10 +56,26 @@ def weights(cases):
     return 1 / np.maximum(noise, 1e-6 * np.array([rms, size, size]).T), rms, size
 
 
-def bound(of_x, of_y, cases, recorded, earlier=None):
+@dataclass(frozen=True)
+class Camera:
+    """Reads all three rates beside the torque, for some time after the recording."""
+
+    noise: float
+    """Deviation, rad/s."""
+    until: int
+    """Samples after the recording's end."""
+    every: int = 10
+    """Samples from one reading to the next."""
+
+    def sees(self, k):
+        """Whether it reads the rates `k` samples after the recording's end."""
+        return (k >= 0) & (k < self.until) & (k % self.every == 0)
+
+
+def bound(of_x, of_y, cases, recorded, earlier=None, camera=None):
     """Deviations (N, B) in rad/s of |ω̂ - ω| after the recording (T samples) that outputs before it,
     the recording and the prior allow; and sensitivities `earlier` (x, y) of another recording that
-    ended before, of which nothing is known but that it is of the same body.
+    ended before, of which nothing is known but that it is of the same body; and a `camera`.
 
     R is the triangular factor of all whitened rows so far (square root of the information): a
     recording without noise has a condition of 1e12, which its square would not bear."""
@@ -70,12 +88,12 @@ def bound(of_x, of_y, cases, recorded, earlier=None):
         rows = [R, y * weight[:, 1, None, None], x * weight[:, 0, None, None]]
         R = np.linalg.qr(np.concatenate(rows, 1), mode="r")
     R[:, :3] = 0  # its first rate is not that of the next recording: a flat prior
-    return deviations(R, of_x, of_y, weight, recorded)
+    return deviations(R, of_x, of_y, weight, recorded, camera)
 
 
-def deviations(R, of_x, of_y, weight, recorded):
+def deviations(R, of_x, of_y, weight, recorded, camera=None):
     """Deviations (N, B) of the rates after the recording, from the triangular factor R of what is
-    known before it."""
+    known before it; that of an instant is before its own outputs and reading."""
     found = []
     for k, (x, y) in enumerate(zip(of_x, of_y, strict=True)):
         if k > recorded:
@@ -83,6 +101,8 @@ def deviations(R, of_x, of_y, weight, recorded):
             found.append(np.sqrt(np.sum(root**2, axis=(1, 2))))
         rows = [R, y * weight[:, 1 + (k >= recorded), None, None]]
         rows += [x * weight[:, 0, None, None]] * (k <= recorded)
+        if camera is not None and camera.sees(k - recorded):
+            rows.append(x / camera.noise)
         R = np.linalg.qr(np.concatenate(rows, 1), mode="r")
     return np.array(found)
 

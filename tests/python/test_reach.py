@@ -72,8 +72,11 @@ def plainly(z, b, samples):
 def test_the_bound_is_that_of_one_jacobian_by_finite_differences(study):
     bodies, bound, _ = study
     group, x, y, case = one(bodies)
-    found = bound.bound(*bound.sensitivities(group, RECORDED + AFTER), [case], RECORDED)[:, 0]
+    by_unknowns = bound.sensitivities(group, RECORDED + AFTER)
+    found = bound.bound(*by_unknowns, [case], RECORDED)[:, 0]
     assert found.shape == (AFTER,)
+    camera = bound.Camera(noise=3e-3, until=22)
+    with_camera = bound.bound(*by_unknowns, [case], RECORDED, camera=camera)[:, 0]
 
     J, b = group.J[0] / (np.trace(group.J[0]) / 3), group.b[0]
     j = [(J[0, 0] - J[1, 1]) / 2**0.5, (J[0, 0] + J[1, 1] - 2 * J[2, 2]) / 6**0.5]
@@ -98,9 +101,11 @@ def test_the_bound_is_that_of_one_jacobian_by_finite_differences(study):
         known = RECORDED + k  # outputs before the sample that is estimated
         rows = [np.diag(1 / prior), of_x[: RECORDED + 1].reshape(-1, 19) / 1e-3]
         rows.append(of_y[:known].reshape(-1, 19) / 1e-2)
-        R = np.linalg.qr(np.concatenate(rows), mode="r")
-        root = np.linalg.solve(R.T, of_x[known].T)
-        assert found[k - 1] == pytest.approx(np.sqrt(np.sum(root**2)), rel=1e-5)
+        seen = of_x[RECORDED : min(known, RECORDED + 22) : 10].reshape(-1, 19) / 3e-3
+        for limit, own in ((found, rows), (with_camera, [*rows, seen])):
+            R = np.linalg.qr(np.concatenate(own), mode="r")
+            root = np.linalg.solve(R.T, of_x[known].T)
+            assert limit[k - 1] == pytest.approx(np.sqrt(np.sum(root**2)), rel=1e-5)
 
 
 def test_the_filter_that_knows_the_body_is_nearer_than_the_bound(study):
