@@ -58,13 +58,13 @@ impl Fallback for Fallbacks<'_> {
         &self,
         data: &Data<'_>,
         room: (&mut WorkingSet<'_>, &mut Scratch<'_>),
-        fit: Fit<'_>,
+        mut fit: Fit<'_>,
     ) -> Option<WindowSolution> {
         let lacking = data.lacking.and_then(|lost| self.weights.lacking(lost));
         let weights = lacking.as_ref().unwrap_or(self.weights);
         let made = self.design.without_missing(self.prepared, weights, data.outputs).ok()?;
         let fallback = Fallbacks { prepared: &made, weights, ..*self };
         let data = &Data { lacking: None, ..*data };
-        made.problem().solve_vectorised(&fallback, data, room, fit)
+        made.problem().solve_vectorised(&fallback, data, room, &mut fit)
     }
 }

@@ -197,13 +197,7 @@ fn write_rows(
         }
     }
     let numbers = block.numbers_mut();
-    for (first, end, span) in [
-        (0, split, depth.states),
-        (split, second, depth.outputs),
-        (second, len, depth.disturbances),
-    ] {
-        write_panels((end - first, r), |i, j| rows[(first + i, j)], span.of_mut(numbers));
-    }
+    write_panels((len, r), |i, j| rows[(i, j)], depth.window.of_mut(numbers));
     block.write(depth.offset, offset);
     block.write(depth.unit, unit.iter().copied());
     let (mut normals, mut inverse, mut slack) =

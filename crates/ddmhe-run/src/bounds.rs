@@ -22,7 +22,7 @@ impl WindowProblem<'_> {
             let y = if data.missing { &filled[..data.outputs.len()] } else { data.outputs };
             self.center_gain.wide(self.center, &[], y, z);
             let offset = &self.rows.offset[..depth.layout.split()];
-            self.states.tall(offset, &z[..depth.rank], lo);
+            self.window.tall(offset, &z[..depth.rank], lo);
         }
         hi.copy_from_slice(lo);
         self.add_box(bounds, data.means, lo, hi);

@@ -9,13 +9,10 @@ impl WindowProblem<'_> {
     /// fitted disturbance, where there is one.
     #[inline(always)]
     pub(crate) fn cost(&self, data: &Data<'_>, s: &mut Scratch<'_>, v: &[f64]) -> f64 {
-        let per_s_x = self.shared.per_s_x;
-        let moved =
-            s.window.iter().zip(per_s_x).zip(data.prior).map(|((x, per), prior)| x * per - prior);
-        let mut prior =
-            self.depth.prior_weight * self.prior_size(moved, &mut s.moved[..data.prior.len()]);
+        let mut prior = self.depth.prior_weight * self.prior_size(data, s);
         if let Some(lacking) = data.lacking {
-            let (n, moved) = (data.prior.len(), &s.moved[..data.prior.len()]);
+            let n = data.prior.len();
+            let moved = &s.spare.parts().moved[..n];
             let along = |(row, moved_i): (&[f64], &f64)| moved_i * dot(row, moved);
             prior -= lacking.chunks_exact(n).zip(moved).map(along).sum::<f64>();
         }
@@ -33,23 +30,27 @@ impl WindowProblem<'_> {
                     weighted_square(weights, known)
                 }
                 Some(weights) => weighted_square(weights, v),
-                None => self.shared.unit * self.noise_cost(v, s.block),
+                None => self.shared.unit * self.noise_cost(v, s.spare.parts().block),
             }
     }
 
-    /// ‖moved‖²_P in scaled units; `room` is for n numbers.
+    /// ‖x̂(t-m) - x̄‖²_P in scaled units. Unless P is diagonal the distance is in the scratch then.
     #[inline(always)]
-    fn prior_size(&self, moved: impl Iterator<Item = f64>, room: &mut [f64]) -> f64 {
-        let U = self.prior;
+    fn prior_size(&self, data: &Data<'_>, s: &mut Scratch<'_>) -> f64 {
+        let (U, n) = (self.prior, data.prior.len());
+        let (first, per_s_x) = (&s.window[..n], &self.shared.per_s_x[..n]);
+        let moved =
+            first.iter().zip(per_s_x).zip(data.prior).map(|((x, per), prior)| x * per - prior);
         let mut sum = 0.0;
         if self.depth.kind.plain_prior {
-            for (u, moved) in U.iter().zip(moved) {
+            for (u, moved) in U[..n].iter().zip(moved) {
                 sum += (u * moved) * (u * moved);
             }
             return sum;
         }
+        let room = &mut s.spare.parts().moved[..n];
         room.iter_mut().zip(moved).for_each(|(room, moved)| *room = moved);
-        for row in U.chunks_exact(room.len()) {
+        for row in U.chunks_exact(n) {
             let along: f64 = row.iter().zip(&*room).map(|(u, moved)| u * moved).sum();
             sum += along * along;
         }

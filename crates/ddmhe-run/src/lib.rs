@@ -27,7 +27,7 @@
 //! | v̂(t-m) … v̂(t-1) | [`Estimate::v`] | m·p | of y | (16d) |
 //! | x̄(t-m) | [`problem::Data::prior`] | n | scaled | (17) |
 //! | z_0, K: z* = z_0 + K \[x̄; y\] | [`plan::Depth`]: z_0, gain | r, r × (n+m p) | scaled | (17) |
-//! | c, A: w = c + A z | [`plan::Depth`]: offset, states, outputs | rows, rows × r | | (16b) |
+//! | c, A: w = c + A z | [`plan::Depth`]: offset, window | rows, rows × r | | (16b) |
 //! | z*, z | [`problem::Scratch`]: unconstrained, z | r | | (16) |
 //! | 2ρ^m P, R | [`plan::Depth`]: prior; [`plan::Common`]: R | n × n, p × p | scaled | (17) |
 //!

@@ -181,8 +181,9 @@ impl<B: AsRef<[f64]> + AsMut<[f64]>> Memory<B> {
         if self.inputs.width == 0 {
             return;
         }
-        let at = self.inputs.next(self.block.as_mut());
-        self.block.as_mut()[at].iter_mut().zip(u).for_each(|(slot, u)| *slot = u);
+        let block = self.block.as_mut();
+        let at = self.inputs.next(block);
+        block[at].iter_mut().zip(u).for_each(|(slot, u)| *slot = u);
     }
 
     #[inline(always)]
@@ -244,9 +245,10 @@ impl<B: AsRef<[f64]> + AsMut<[f64]>> Memory<B> {
     /// An entry beyond [`MEASURABLE`](tol::MEASURABLE) counts as not measured. Returns how many do.
     #[inline(always)]
     pub fn push_output(&mut self, y: impl Iterator<Item = f64>) -> usize {
-        let at = self.outputs.next(self.block.as_mut());
+        let block = self.block.as_mut();
+        let at = self.outputs.next(block);
         let mut missing = 0;
-        for (slot, y) in self.block.as_mut()[at].iter_mut().zip(y) {
+        for (slot, y) in block[at].iter_mut().zip(y) {
             let within = y.abs() <= tol::MEASURABLE;
             *slot = if within { y } else { f64::NAN };
             missing += usize::from(!within);
@@ -325,8 +327,9 @@ impl<B: AsRef<[f64]> + AsMut<[f64]>> Memory<B> {
     /// Appends a state, as scaled deviations.
     #[inline(always)]
     pub fn push_state(&mut self, x: impl Iterator<Item = f64>) {
-        let at = self.states.next(self.block.as_mut());
-        self.block.as_mut()[at].iter_mut().zip(x).for_each(|(slot, x)| *slot = x);
+        let block = self.block.as_mut();
+        let at = self.states.next(block);
+        block[at].iter_mut().zip(x).for_each(|(slot, x)| *slot = x);
     }
 
     /// Forgets the oldest output with its inputs, and the oldest state.
@@ -401,11 +404,8 @@ impl<B: AsRef<[f64]> + AsMut<[f64]>> Memory<B> {
         let (window, room) = self.block.as_mut().split_at_mut(self.scratch);
         let (unconstrained, room) = room.split_at_mut(self.room.rank);
         let (answer, room) = room.split_at_mut(self.room.window);
-        let (block, room) = room.split_at_mut(self.room.block);
-        let (moved, room) = room.split_at_mut(self.room.moved);
-        let (spare, room) = room.split_at_mut(self.room.spare_len);
         let (sides, room) = room.split_at_mut(self.room.sides);
-        let (before, work) = room.split_at_mut(self.room.sides);
+        let (before, spare) = room.split_at_mut(self.room.sides);
         let n = self.states.width;
         Parts {
             prior: &window[states.start..states.start + n],
@@ -417,10 +417,7 @@ impl<B: AsRef<[f64]> + AsMut<[f64]>> Memory<B> {
             scratch: Scratch {
                 unconstrained,
                 window: answer,
-                block,
-                moved,
                 spare: Spare { block: spare, lengths: &self.room.spare },
-                work,
             },
             working: WorkingSet {
                 sides: Sides::new(sides, &mut self.sides),

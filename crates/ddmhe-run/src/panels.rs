@@ -90,9 +90,38 @@ impl<'a> Panels<'a> {
         Panels { columns: if columns > 0 { columns } else { 1 }, data: data.as_chunks().0 }
     }
 
-    /// out = start + M x, for many rows and few columns: one running sum a row.
+    /// out = start + M x, for many rows and few columns: one running sum a row. Where they are very
+    /// few x stays in registers, and a panel has no loop of its own.
     #[inline(always)]
     pub fn tall(self, start: &[f64], x: &[f64], out: &mut [f64]) {
+        match x.len() {
+            1 => self.narrow::<1>(start, x, out),
+            2 => self.narrow::<2>(start, x, out),
+            3 => self.narrow::<3>(start, x, out),
+            4 => self.narrow::<4>(start, x, out),
+            5 => self.narrow::<5>(start, x, out),
+            6 => self.narrow::<6>(start, x, out),
+            _ => self.broad(start, x, out),
+        }
+    }
+
+    /// The same of so many columns.
+    #[inline(always)]
+    fn narrow<const COLUMNS: usize>(self, start: &[f64], x: &[f64], out: &mut [f64]) {
+        let Some(x) = x.first_chunk::<COLUMNS>() else { return };
+        let (start, panels) = (start.as_chunks().0, self.data.as_chunks::<COLUMNS>().0);
+        for ((start, panel), out) in start.iter().zip(panels).zip(out.as_chunks_mut().0) {
+            let mut sum = *start;
+            for (column, x) in panel.iter().zip(x) {
+                add(&mut sum, column, *x);
+            }
+            *out = sum;
+        }
+    }
+
+    /// The same of any number of columns.
+    #[inline(always)]
+    fn broad(self, start: &[f64], x: &[f64], out: &mut [f64]) {
         let (start, mut left) = (start.as_chunks::<WIDTH>().0, self.data);
         for (start, out) in start.iter().zip(out.as_chunks_mut::<WIDTH>().0) {
             let Some((panel, others)) = left.split_at_checked(self.columns) else { return };
@@ -214,6 +243,7 @@ pub fn axpy(a: f64, x: &[f64], y: &mut [f64]) {
 /// out = a + b, of equally long vectors.
 #[inline(always)]
 pub fn sum(a: &[f64], b: &[f64], out: &mut [f64]) {
+    let (a, b) = (&a[..out.len()], &b[..out.len()]);
     let (a_8, b_8) = (a.as_chunks::<WIDTH>().0, b.as_chunks::<WIDTH>().0);
     let (out_8, rest) = out.as_chunks_mut::<WIDTH>();
     for ((out, a), b) in out_8.iter_mut().zip(a_8).zip(b_8) {
@@ -234,6 +264,7 @@ pub fn sum(a: &[f64], b: &[f64], out: &mut [f64]) {
 /// out = (a - b) c, entry by entry, of equally long vectors.
 #[inline(always)]
 pub fn scaled_difference(a: &[f64], b: &[f64], c: &[f64], out: &mut [f64]) {
+    let (a, b, c) = (&a[..out.len()], &b[..out.len()], &c[..out.len()]);
     let scaled = |a, b, c| each(each(a, b, |a, b| a - b), c, |d, c| d * c);
     let (a_8, b_8) = (a.as_chunks::<WIDTH>().0, b.as_chunks::<WIDTH>().0);
     let (out_8, rest) = out.as_chunks_mut::<WIDTH>();
@@ -271,6 +302,7 @@ pub fn scaled_sum(a: &[f64], b: &[f64], c: &[f64], out: &mut [f64]) {
 /// infinite where there is none. NaN values (not measured) have no bounds.
 #[inline(always)]
 pub fn margins(values: &[f64], lo: &[f64], hi: &[f64]) -> [f64; WIDTH] {
+    let (lo, hi) = (&lo[..values.len()], &hi[..values.len()]);
     let least = |least, w, l, h| {
         let above = each(each(w, l, |w, l| w - l), least, smaller);
         each(each(h, w, |h, w| h - w), above, smaller)
@@ -307,6 +339,7 @@ pub fn larger(a: f64, b: f64) -> f64 {
 /// Σ w v².
 #[inline(always)]
 pub fn weighted_square(weights: &[f64], v: &[f64]) -> f64 {
+    let weights = &weights[..v.len()];
     let mut sums = [0.0; WIDTH];
     let (w, v) = (weights.as_chunks::<WIDTH>(), v.as_chunks::<WIDTH>());
     for (w, v) in w.0.iter().zip(v.0) {

@@ -51,14 +51,8 @@ pub struct Scratch<'a> {
     pub unconstrained: &'a mut [f64],
     /// The answer: states, outputs and disturbances, each padded.
     pub window: &'a mut [f64],
-    /// p × p.
-    pub block: &'a mut [f64],
-    /// n.
-    pub moved: &'a mut [f64],
     /// What most steps do not look at.
     pub spare: Spare<'a>,
-    /// Of the active-set method.
-    pub work: &'a mut [f64],
 }
 
 /// Room that most steps do not look at: where its parts lie is found when they are asked for.
@@ -66,13 +60,17 @@ pub struct Scratch<'a> {
 pub struct Spare<'a> {
     /// All of it.
     pub block: &'a mut [f64],
-    /// Numbers in each part, in the order of [`Spared`].
-    pub lengths: &'a [usize; 8],
+    /// Numbers in each part, in the order of [`Spared`]; the rest is the last one's.
+    pub lengths: &'a [usize; 10],
 }
 
 /// Its parts.
 #[derive(Debug)]
 pub struct Spared<'a> {
+    /// p × p.
+    pub block: &'a mut [f64],
+    /// n.
+    pub moved: &'a mut [f64],
     /// z.
     pub z: &'a mut [f64],
     /// Lower bounds in the order of the window.
@@ -89,21 +87,39 @@ pub struct Spared<'a> {
     pub sensitivity: &'a mut [f64],
     /// Innovations of the newest output and their variances (p each), where outputs are doubted.
     pub innovation: &'a mut [f64],
+    /// Of the active-set method.
+    pub work: &'a mut [f64],
 }
 
 impl Spare<'_> {
     /// Its parts.
     #[inline(always)]
     pub fn parts(&mut self) -> Spared<'_> {
-        let [z, lo, hi, outputs, hessian_factor, smoothing, sensitivity, _] = *self.lengths;
-        let (z, room) = self.block.split_at_mut(z);
+        let [block, moved, z, lo, hi, outputs, hessian_factor, smoothing, sensitivity, innovation] =
+            *self.lengths;
+        let (block, room) = self.block.split_at_mut(block);
+        let (moved, room) = room.split_at_mut(moved);
+        let (z, room) = room.split_at_mut(z);
         let (lo, room) = room.split_at_mut(lo);
         let (hi, room) = room.split_at_mut(hi);
         let (outputs, room) = room.split_at_mut(outputs);
         let (hessian_factor, room) = room.split_at_mut(hessian_factor);
         let (smoothing, room) = room.split_at_mut(smoothing);
-        let (sensitivity, innovation) = room.split_at_mut(sensitivity);
-        Spared { z, lo, hi, outputs, hessian_factor, smoothing, sensitivity, innovation }
+        let (sensitivity, room) = room.split_at_mut(sensitivity);
+        let (innovation, work) = room.split_at_mut(innovation);
+        Spared {
+            block,
+            moved,
+            z,
+            lo,
+            hi,
+            outputs,
+            hessian_factor,
+            smoothing,
+            sensitivity,
+            innovation,
+            work,
+        }
     }
 }
 
@@ -140,9 +156,7 @@ pub struct WindowProblem<'a> {
     pub depth: Depth,
     pub(crate) z_0: &'a [f64],
     pub(crate) gain: Panels<'a>,
-    pub(crate) states: Panels<'a>,
-    pub(crate) outputs: Panels<'a>,
-    pub(crate) disturbances: Panels<'a>,
+    pub(crate) window: Panels<'a>,
     pub(crate) rows: Rows<'a>,
     pub(crate) x_limits: Limits<'a>,
     pub(crate) prior: &'a [f64],
@@ -160,9 +174,7 @@ impl<'a> WindowProblem<'a> {
             depth,
             z_0: depth.z_0.of(own),
             gain: Panels::new(layout.seen_len(), depth.gain.of(own)),
-            states: Panels::new(depth.rank, depth.states.of(own)),
-            outputs: Panels::new(depth.rank, depth.outputs.of(own)),
-            disturbances: Panels::new(depth.rank, depth.disturbances.of(own)),
+            window: Panels::new(depth.rank, depth.window.of(own)),
             rows: depth.rows(own),
             x_limits: Limits { lo: lo.of(own), hi: hi.of(own) },
             prior: depth.prior.of(own),
@@ -193,15 +205,7 @@ impl WindowProblem<'_> {
 impl Windows for WindowProblem<'_> {
     #[inline(always)]
     fn window(&self, z: &[f64], window: &mut [f64]) {
-        let split = self.depth.layout.split();
-        let (x, y) = window.split_at_mut(split);
-        let (c_x, c_y) = self.rows.offset.split_at(split);
-        self.states.tall(c_x, z, x);
-        self.outputs.tall(c_y, z, y);
-        if self.depth.layout.driven {
-            let first = self.depth.layout.second_split() - split;
-            self.disturbances.tall(&c_y[first..], z, &mut y[first..]);
-        }
+        self.window.tall(self.rows.offset, z, window);
     }
 
     fn erased(&self) -> &dyn Windows {

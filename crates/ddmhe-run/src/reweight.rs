@@ -41,7 +41,7 @@ impl WindowProblem<'_> {
     pub(crate) fn without_missing(&self, data: &Data<'_>, s: &mut Scratch<'_>) -> Option<bool> {
         let (layout, r, rows) = (self.depth.layout, self.depth.rank, &self.rows);
         let (stride, first) = (rows.stride(), layout.split());
-        let Spared { outputs, hessian_factor, .. } = s.spare.parts();
+        let Spared { outputs, hessian_factor, block, .. } = s.spare.parts();
         let y = &mut outputs[..layout.outputs_len()];
         // the mean window in the place of what is missing: it adds nothing to K ([x̄; y] - c)
         for ((y, measured), c) in y.iter_mut().zip(data.outputs).zip(&rows.offset[first..]) {
@@ -57,7 +57,7 @@ impl WindowProblem<'_> {
         let L = &mut hessian_factor[..r * stride];
         L.fill(0.0);
         (0..r).for_each(|i| L[i * stride + i] = 1.0);
-        self.downdate(data, rows, y, (s.block, L, s.unconstrained));
+        self.downdate(data, rows, y, (block, L, s.unconstrained));
         if let Some(lacking) = data.lacking {
             self.downdate_prior(data, lacking, (L, s.unconstrained));
         }

@@ -144,14 +144,15 @@ impl WindowProblem<'_> {
     #[cold]
     fn inner_of_outputs(&self, data: &Data<'_>, s: &mut Scratch<'_>, v: &[f64]) -> f64 {
         let (p, s_y, first) = (self.depth.layout.p, self.shared.s_y, self.depth.layout.split());
+        let block = &mut s.spare.parts().block[..p * p];
         let mut sum = 0.0;
         for (k, (y, v)) in data.outputs.chunks_exact(p).zip(v.chunks_exact(p)).enumerate() {
-            reduced(self.shared.R, p, |i| v[i].is_finite(), &mut s.block[..p * p]);
+            reduced(self.shared.R, p, |i| v[i].is_finite(), block);
             let c = &self.rows.offset[first + k * p..];
             let mut own = 0.0;
             for (i, j) in (0..p * p).map(|e| (e / p, e % p)) {
                 if v[i].is_finite() && v[j].is_finite() {
-                    own += s.block[i * p + j] * (y[i] - c[i]) * v[j] / s_y[j];
+                    own += block[i * p + j] * (y[i] - c[i]) * v[j] / s_y[j];
                 }
             }
             sum = self.shared.rho * sum + own;
@@ -187,7 +188,7 @@ impl WindowProblem<'_> {
     fn sensitivities(&self, data: &Data<'_>, s: &mut Scratch<'_>, downdated: bool) {
         let (layout, r, shared) = (self.depth.layout, self.depth.rank, &self.shared);
         let (n, p) = (layout.n, layout.p);
-        let Spared { sensitivity, hessian_factor, .. } = s.spare.parts();
+        let Spared { sensitivity, hessian_factor, block, .. } = s.spare.parts();
         let own = Sensitivity::new([n, p], sensitivity);
         let newest = layout.split() + layout.outputs_len() - p;
         let rows = |k: usize| match k {
@@ -230,9 +231,9 @@ impl WindowProblem<'_> {
             own.of_prior[k] = by_prior(2 * n + k / n, k % n) * shared.s_y[k / n];
         }
         let y = &data.outputs[layout.outputs_len() - p..];
-        reduced(shared.R, p, |i| y[i].is_finite(), &mut s.block[..p * p]);
+        reduced(shared.R, p, |i| y[i].is_finite(), &mut block[..p * p]);
         for (i, j) in (0..p * p).map(|k| (k / p, k % p)) {
-            let by = |l: usize| product(2 * n + i, 2 * n + l) * s.block[l * p + j];
+            let by = |l: usize| product(2 * n + i, 2 * n + l) * block[l * p + j];
             own.newest[i * p + j] = (0..p).map(by).sum::<f64>() * shared.s_y[i] / shared.s_y[j];
         }
     }

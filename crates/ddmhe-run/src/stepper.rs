@@ -214,10 +214,10 @@ impl<B: AsRef<[f64]> + AsMut<[f64]>, F: Fallback> Pass<'_, B, F> {
         // the filtering update: x̄(t-M_t) is the estimate that was made then
         let x_bounds = self.x_bounds;
         let data = Data { prior, outputs, missing, filtered, lacking, means, x_bounds };
-        let answer = out.fit();
+        let mut fit = out.fit();
         let (problem, fallback) = (self.problem, self.fallback);
         let room = (&mut working, &mut scratch);
-        if let Some(found) = problem.solve_vectorised(fallback, &data, room, answer) {
+        if let Some(found) = problem.solve_vectorised(fallback, &data, room, &mut fit) {
             return found;
         }
         let room = (&mut working, &mut scratch);

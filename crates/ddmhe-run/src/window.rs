@@ -36,7 +36,7 @@ impl WindowProblem<'_> {
         fallback: &impl Fallback,
         data: &Data<'_>,
         room: (&mut WorkingSet<'_>, &mut Scratch<'_>),
-        fit: Fit<'_>,
+        fit: &mut Fit<'_>,
     ) -> Option<WindowSolution> {
         fallback.vectorised(
             #[inline(always)]
@@ -53,13 +53,13 @@ impl WindowProblem<'_> {
         fallback: &impl Fallback,
         data: &Data<'_>,
         (working, scratch): (&mut WorkingSet<'_>, &mut Scratch<'_>),
-        mut fit: Fit<'_>,
+        fit: &mut Fit<'_>,
     ) -> Option<WindowSolution> {
         let layout = self.depth.layout;
         working.predict(|row| layout.older(row));
         let found = self.minimise(fallback, data, (working, scratch), fit.v)?;
         working.adapt(|row| layout.older(row));
-        let mut cost = self.hand_over(data, scratch, (&mut fit, found.filtered));
+        let mut cost = self.hand_over(data, scratch, (fit, found.filtered));
         if self.shared.soft {
             cost += found.cost;
         }
@@ -156,7 +156,7 @@ impl WindowProblem<'_> {
         v: &mut [f64],
     ) -> Option<WindowSolution> {
         let len = self.depth.layout.apart();
-        let Spared { z, lo, hi, hessian_factor, .. } = s.spare.parts();
+        let Spared { z, lo, hi, hessian_factor, work, .. } = s.spare.parts();
         let problem = LeastDistance {
             rows: self.rows,
             lo: &lo[..len],
@@ -168,11 +168,11 @@ impl WindowProblem<'_> {
             prices,
         };
         let (status, iterations) = if !self.depth.kind.surplus {
-            decide(&problem, fallback, (working, s.work), z, s.window)
+            decide(&problem, fallback, (working, work), z, s.window)
         } else if changed {
             return None; // its two stages are those of the full Hessian
         } else {
-            fallback.two_stages(&problem.erased(), (working, s.work), z, s.window)
+            fallback.two_stages(&problem.erased(), (working, work), z, s.window)
         };
         if data.is_reweighted() {
             working.forget_factor(); // of this Hessian, or of the problem made for this window
@@ -292,9 +292,9 @@ impl WindowProblem<'_> {
         let layout = self.depth.layout;
         let (n, p) = (layout.n, layout.p);
         let (first, second) = (layout.split(), layout.second_split());
-        let smoothing = s.spare.parts().smoothing;
+        let Spared { smoothing, moved, .. } = s.spare.parts();
         let (room, fitted) = smoothing.split_at_mut(smoothing.len() - padded(p));
-        let (window, moved, shared) = (&mut *s.window, &mut *s.moved, &self.shared);
+        let (window, shared) = (&mut *s.window, &self.shared);
         kalman.smooth(filtered, room, |k, x, w| {
             for i in 0..n {
                 // with inputs the window is that of the free motion

@@ -10,13 +10,10 @@ use core::ops::Range;
 /// Sizes of the room that a step works in, in the order in which it lies in the block.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Room {
-    pub rank: usize,   // of z*, padded
-    pub window: usize, // padded
-    pub block: usize,
-    pub moved: usize,
-    pub spare: [usize; 8], // see `Spare`
-    pub spare_len: usize,
-    pub sides: usize,
+    pub rank: usize,        // of z*, padded
+    pub window: usize,      // padded
+    pub sides: usize,       // twice
+    pub spare: [usize; 10], // see `Spare`
 }
 
 impl Room {
@@ -24,6 +21,8 @@ impl Room {
         let Sizes { n, p, horizon, rank: r, .. } = sizes;
         let (rank, window) = (padded(r), sizes.layout(horizon).apart());
         let spare = [
+            padded(p * p),
+            padded(n),
             rank,
             window,
             window,
@@ -33,21 +32,20 @@ impl Room {
             if sizes.judged() { padded(sensitivity_len(n, p, r)) } else { 0 },
             if sizes.gate > 0.0 { padded(2 * p) } else { 0 },
         ];
-        let (block, moved, sides) = (padded(p * p), padded(n), padded(r));
-        Room { rank, window, block, moved, spare, spare_len: spare.iter().sum(), sides }
+        Room { rank, window, sides: padded(r), spare }
     }
 
     pub fn len_before_sides(&self) -> usize {
-        self.spare_at() + self.spare_len
+        self.rank + self.window
     }
 
     pub fn spare_at(&self) -> usize {
-        self.rank + self.window + self.block + self.moved
+        self.len_before_sides() + 2 * self.sides
     }
 
     pub fn sensitivity(&self) -> Range<usize> {
-        let at = self.spare_at() + self.spare[..6].iter().sum::<usize>();
-        at..at + self.spare[6]
+        let at = self.spare_at() + self.spare[..8].iter().sum::<usize>();
+        at..at + self.spare[8]
     }
 
     pub fn innovation_at(&self) -> usize {
@@ -56,6 +54,7 @@ impl Room {
 
     pub fn len(&self, sizes: Sizes) -> usize {
         let soft = sizes.prices.soft_rows(sizes.layout(sizes.horizon));
-        self.len_before_sides() + 2 * self.sides + priced_len(sizes.rank, self.window, soft)
+        let spare = self.spare.iter().sum::<usize>();
+        self.spare_at() + spare + priced_len(sizes.rank, self.window, soft)
     }
 }

@@ -45,12 +45,8 @@ pub struct Depth {
     pub z_0: Span,
     /// K in panels (r × (n + m p)).
     pub gain: Span,
-    /// State rows of A in panels, w = c + A z.
-    pub states: Span,
-    /// Output rows of A in panels.
-    pub outputs: Span,
-    /// Disturbance rows of A in panels, in the user's units.
-    pub disturbances: Span,
+    /// A in panels, w = c + A z, all rows.
+    pub window: Span,
     /// c, all rows.
     pub offset: Span,
     /// What a tolerance on each row is in units of.
@@ -80,7 +76,6 @@ impl Depth {
     pub fn new(layout: Layout, rank: usize, kind: Kind) -> Self {
         let mut next = Cursor(HEAD);
         let (split, rows, n) = (layout.split(), layout.apart(), layout.n);
-        let (outputs, disturbances) = (layout.outputs_len(), layout.disturbances_len());
         let centered = |len: usize| if kind.centered { len } else { 0 };
         let mut depth = Depth {
             layout,
@@ -88,9 +83,7 @@ impl Depth {
             kind,
             prior_weight: 1.0,
             gain: next.take(panels_len(rank, layout.seen_len())),
-            states: next.take(panels_len(split, rank)),
-            outputs: next.take(panels_len(padded(outputs), rank)),
-            disturbances: next.take(panels_len(padded(disturbances), rank)),
+            window: next.take(panels_len(rows, rank)),
             z_0: next.take(padded(rank)),
             offset: next.take(rows),
             unit: next.take(rows),
@@ -100,7 +93,7 @@ impl Depth {
             x_limits: [next.take(split), next.take(split)],
             prior: next.take(if kind.plain_prior { n } else { n * n }),
             center: next.take(centered(padded(rank))),
-            center_gain: next.take(centered(panels_len(rank, outputs))),
+            center_gain: next.take(centered(panels_len(rank, layout.outputs_len()))),
             evidence: DepthSpans::new([n, layout.p], kind.judged, &mut next),
             len: 0,
         };

@@ -87,8 +87,8 @@ fn a_downdate_gives_what_a_new_factorisation_gives() {
                 let (mut states, mut v) = (vec![0.0; 52], vec![0.0; 24]);
                 let fallback = Fallbacks { design: &design, weights: &design.weights, prepared };
                 let room = (&mut working, &mut scratch);
-                let out = Fit { states: &mut states, v: &mut v, w: &mut [] };
-                let found = prepared.problem().solve(&fallback, &data, room, out)?;
+                let mut out = Fit { states: &mut states, v: &mut v, w: &mut [] };
+                let found = prepared.problem().solve(&fallback, &data, room, &mut out)?;
                 Some((found, states, v))
             };
             let anew = solve(&design.without_missing(full, &design.weights, &y).unwrap()).unwrap();
