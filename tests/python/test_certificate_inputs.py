@@ -21,6 +21,11 @@ from reference import largest_eigenvalue
 MODEL = ("A", "B", "e", "C", "D", "r")
 
 
+def some(seeds, now):
+    """So many seeds, all but a few of them with the long tests; these are of every n, p and m."""
+    return [pytest.param(k, marks=() if k in now else pytest.mark.long) for k in range(seeds)]
+
+
 def of_system(system):
     """What `ioss` takes of a known system."""
     return {name: getattr(system, name) for name in MODEL}
@@ -69,7 +74,7 @@ def test_a_certificate_of_a_recording_is_that_of_its_system(seed):
     assert ioss(A=system.A, C=system.C, eta=0.9).B is None
 
 
-@pytest.mark.parametrize("seed", range(20))
+@pytest.mark.parametrize("seed", some(20, (0, 5, 10, 15)))
 def test_errors_never_exceed_the_bounds_over_exact_recordings(seed):
     """With process and output noise online and inputs three times as large as recorded."""
     rng = np.random.default_rng(seed)
@@ -114,7 +119,7 @@ def test_the_bound_rests_on_B_and_D():
     assert wider == {"B": 8, "D": 8}
 
 
-@pytest.mark.parametrize("seed", range(12))
+@pytest.mark.parametrize("seed", some(12, (0, 5, 7)))
 def test_bounds_over_noisy_recordings_hold_where_they_are_given(seed):
     """With the true model never exceeded; with the fitted one, or the true one without e and r,
     there is none."""

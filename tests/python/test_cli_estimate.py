@@ -38,9 +38,7 @@ def test_estimate_writes_what_the_estimator_gives(recording, log, tmp_path):
 
 
 def test_estimate_into_a_directory_with_a_figure(log, tmp_path):
-    result = in_a_process(
-        "estimate", log, *COLUMNS, "--history", 20, "--out", tmp_path / "new" / "dir"
-    )
+    result = in_here("estimate", log, *COLUMNS, "--history", 20, "--out", tmp_path / "new" / "dir")
     assert result.returncode == 0, result.stderr
     assert len(pd.read_csv(tmp_path / "new" / "dir" / "estimate.csv")) == N - T
     assert (tmp_path / "new" / "dir" / "estimate.png").read_bytes().startswith(PNG)

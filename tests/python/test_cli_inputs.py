@@ -9,7 +9,7 @@ import pandas as pd
 import pytest
 
 import ddmhe
-from commands import PNG, in_a_process, in_here, printed
+from commands import PNG, in_here, printed
 from ddmhe.cli.telling import in_words_of
 from ddmhe.logs import Names
 
@@ -53,7 +53,7 @@ def history_of(cart):
 
 def test_estimates_are_those_of_an_estimator_with_inputs(cart, log, tmp_path):
     out = tmp_path / "est.csv"
-    result = in_a_process("estimate", log, *COLUMNS, "--history", 12, "--out", out)
+    result = in_here("estimate", log, *COLUMNS, "--history", 12, "--out", out)
     assert (result.returncode, result.stderr) == (0, "")
     _, y, u = cart
     expected = ddmhe.DdMhe(history_of(cart), start="recording").run(y[T:-1], u[T:-1]).x
@@ -88,7 +88,7 @@ def test_what_the_estimator_says_of_inputs_is_printed(cart, frame, tmp_path):
     loud.loc[T + 50 :, "force_N"] *= 4
     loud.to_csv(tmp_path / "log.csv", index=False)
     columns = [*COLUMNS[:4], "--input", "force_N, still"]
-    result = in_a_process("estimate", tmp_path / "log.csv", *columns, "--history", 12)
+    result = in_here("estimate", tmp_path / "log.csv", *columns, "--history", 12)
     assert result.returncode == 0, result.stderr
     first, *later = result.stderr.splitlines()
     assert first.startswith("ddmhe: warning: input 'still' never changed")
@@ -102,7 +102,7 @@ def test_an_unknown_input_ends_with_its_place(frame, tmp_path, k):
     holed = frame.copy()
     holed.loc[k, "force_N"] = np.nan
     holed.to_csv(tmp_path / "log.csv", index=False)
-    result = in_a_process(
+    result = in_here(
         "estimate", "log.csv", *COLUMNS, "--history", 12, "--out", "e.csv", cwd=tmp_path
     )
     assert (result.returncode, result.stdout) == (2, "")
@@ -128,7 +128,7 @@ def test_an_input_that_looks_wrong_is_pointed_out(frame, tmp_path):
 
 
 def test_tune_and_its_settings(cart, log, tmp_path):
-    result = in_a_process("tune", log, *COLUMNS, "--history", 12, "--rest", "--out", tmp_path)
+    result = in_here("tune", log, *COLUMNS, "--history", 12, "--rest", "--out", tmp_path)
     assert (result.returncode, result.stderr) == (0, "")
     assert (tmp_path / "tune.png").read_bytes().startswith(PNG)
     rest = (np.zeros(2), np.zeros(1), np.zeros(1))
@@ -195,7 +195,7 @@ def test_measured_logs(name, tmp_path):
     state, output, inputs, T, dt = MEASURED[name]
     path, out = DATA / f"{name}.csv", tmp_path / "est.csv"
     columns = ["--state", state, "--output", output, "--input", inputs]
-    result = in_a_process("estimate", path, *columns, "--history", T * dt, "--out", out)
+    result = in_here("estimate", path, *columns, "--history", T * dt, "--out", out)
     assert result.returncode == 0, result.stderr
     table = pd.read_csv(path)
     x, y, u = (table[group.split(",")].to_numpy() for group in (state, output, inputs))

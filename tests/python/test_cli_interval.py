@@ -57,7 +57,7 @@ def test_interval_of_a_log(tmp_path):
     )
     frame.to_csv(log, index=False)
     options = ["--state", "a,b", "--output", "y", "--history", 6]
-    result = in_a_process(
+    result = in_here(
         "interval", log, *options, "--w-radius", 0.01, "--v-radius", 0.02, "--out", tmp_path
     )
     assert (result.returncode, result.stderr) == (0, "")

@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 
 import ddmhe
-from commands import in_a_process
+from commands import in_here
 from ddmhe import DdmheError
 from ddmhe.config import ConfigError, read_config, space_from_text, write_config
 
@@ -75,10 +75,10 @@ def driven(tmp_path_factory):
 
 
 def estimated(path, text):
-    """The process that `ddmhe estimate` ends as, with a file of these settings beside the log."""
+    """How `ddmhe estimate` ends, with a file of these settings beside the log."""
     (path.parent / "est.toml").write_text(text)
     options = ["--state", "a,b", "--output", "c", "--history", 15, "--config", "est.toml"]
-    return in_a_process("estimate", path, *options, "--out", "est.csv", cwd=path.parent)
+    return in_here("estimate", path, *options, "--out", "est.csv", cwd=path.parent)
 
 
 @pytest.mark.parametrize(("text", "expected"), DISTURBANCES)

@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 
 import ddmhe
-from commands import COLUMNS, OUTPUT, STATE, T, in_a_process, in_here, printed
+from commands import COLUMNS, OUTPUT, STATE, T, in_here, printed
 from ddmhe.logs import LogError, read_log
 
 LATE = 7
@@ -138,9 +138,7 @@ def test_the_command_takes_a_known_delay_off(frame, late, tmp_path):
         "whole": ("log.csv",),
     }
     for name, (file, *options) in ways.items():
-        result = in_a_process(
-            "estimate", file, *read, *options, "--out", f"{name}.csv", cwd=tmp_path
-        )
+        result = in_here("estimate", file, *read, *options, "--out", f"{name}.csv", cwd=tmp_path)
         assert result.returncode == 0, result.stderr
         if options:
             assert printed(result, "delay of ty") == 0.7

@@ -12,7 +12,7 @@ from pyarrow import parquet
 from scipy.io import loadmat
 
 import ddmhe
-from commands import in_a_process, in_here
+from commands import in_here
 from ddmhe.recordings import read
 from odd_logs import EPOCH, HISTORY, ROWS, clock, habits
 
@@ -174,7 +174,7 @@ def test_an_existing_folder_is_filled_whatever_its_name(log, tmp_path):
 
 def test_a_recording_in_another_file(log, tmp_path):
     """The whole log is estimated, from anywhere; both files are named with their hashes."""
-    result = in_a_process(
+    result = in_here(
         "estimate", log, *COLUMNS[:4], "--recording", f"{log}:0..3", "--out", tmp_path / "e.npz"
     )
     assert result.returncode == 0, result.stderr

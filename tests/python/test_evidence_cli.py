@@ -32,7 +32,7 @@ def here(frame, tmp_path):
 
 
 def test_the_file_says_how_far_to_trust_each_estimate(recording, here):
-    result = in_a_process(*ESTIMATE, cwd=here)
+    result = in_here(*ESTIMATE, cwd=here)
     assert result.returncode == 0, result.stderr
     written = pd.read_csv(here / "est.csv", keep_default_na=False)
     assert list(written.columns)[: len(WITH_EVIDENCE)] == WITH_EVIDENCE
@@ -47,7 +47,7 @@ def test_the_file_says_how_far_to_trust_each_estimate(recording, here):
 def test_one_line_says_how_much_of_the_log_is_trusted(recording, here):
     """With weights whose bars do not hold all errors."""
     options = ["--horizon", 10, "--rho", 0.8, "--mu", 1e5, "--space", "truncated:3"]
-    result = in_a_process(*ESTIMATE, *options, cwd=here)
+    result = in_here(*ESTIMATE, *options, cwd=here)
     given = {"horizon": 10, "rho": 0.8, "mu": 1e5, "space": ddmhe.Truncated(3)}
     log = run_of(recording, **given)
     share, error = np.mean(log.trusted), log.x - recording.x[T + 1 :]
@@ -67,7 +67,7 @@ def test_one_line_says_how_much_of_the_log_is_trusted(recording, here):
 def test_each_doubt_is_told_since_when_on_the_clock_of_the_log(frame, tmp_path):
     """The row of that time is the first that has the reason."""
     frame.assign(t=frame["t"] + 1000.0).to_csv(tmp_path / "log.csv", index=False)
-    result = in_a_process(*ESTIMATE, "--decimate", 2, cwd=tmp_path)
+    result = in_here(*ESTIMATE, "--decimate", 2, cwd=tmp_path)
     assert result.returncode == 0, result.stderr
     written = pd.read_csv(tmp_path / "est.csv", keep_default_na=False)
     told = re.findall(r"warning: from (\S+) s on \(step (\d+)\) (.*)\n", result.stderr)

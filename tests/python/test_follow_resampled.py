@@ -117,29 +117,28 @@ def test_stopped_and_resumed_the_bytes_are_the_same(tmp_path):
     text = log_of(dated(t, "s"), rows, inputs=True)
     command = [*FOLLOW, "-", *map(str, COLUMNS), "--input", "u", "--out", tmp_path / "whole.csv"]
     subprocess.run(command, input=text, text=True, check=True, timeout=120)
-    command[-1] = tmp_path / "parts.csv"
+    parts = command[-1] = tmp_path / "parts.csv"
     command += ["--resume", tmp_path / "here"]
     edges = [0, len(text) * 6 // 10, len(text) * 8 // 10, len(text)]
     for a, b in pairwise(edges):
+        begun = parts.stat().st_size if parts.exists() else 0
         pipes = {"stdin": subprocess.PIPE, "stderr": subprocess.PIPE}
         with subprocess.Popen(command, **pipes, text=True) as run:
             run.stdin.write(text[a:b])
             run.stdin.flush()
             if b < len(text):
-                before, quiet = -1, 0
+                quiet, before = 0, begun
                 while quiet < 5:  # all that came in is worked through
                     time.sleep(0.2)
-                    size = (tmp_path / "parts.csv").stat().st_size if before >= 0 or (
-                        tmp_path / "parts.csv"
-                    ).exists() else -1  # fmt: skip
-                    quiet = quiet + 1 if size == before and size > 0 else 0
+                    size = parts.stat().st_size if parts.exists() else 0
+                    quiet = quiet + 1 if begun < size == before else 0
                     before = size
                 run.send_signal(signal.SIGTERM)
                 assert "goes on from here" in run.stderr.read()
             else:
                 run.stdin.close()
                 run.wait(60)
-    assert (tmp_path / "parts.csv").read_bytes() == (tmp_path / "whole.csv").read_bytes()
+    assert parts.read_bytes() == (tmp_path / "whole.csv").read_bytes()
 
 
 def test_a_log_that_ends_early_says_what_is_lacking(tmp_path):

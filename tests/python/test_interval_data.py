@@ -22,9 +22,10 @@ def affine(rng, x, steps, w, v):
     return np.array(X), np.array(Y)
 
 
-def test_intervals_from_a_recording_hold():
+@pytest.mark.parametrize("recordings", [20, pytest.param(60, marks=pytest.mark.long)])
+def test_intervals_from_a_recording_hold(recordings):
     widths = []
-    for seed in range(60):
+    for seed in range(recordings):
         rng = np.random.default_rng(seed)
         x, y = affine(rng, np.array([2.0, -1.0]), 60, 0.01, 0.02)
         model = interval.from_history(ddmhe.History(x, y), 0.01, 0.02)

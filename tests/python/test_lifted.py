@@ -228,8 +228,9 @@ def test_lost_outputs_widen_the_bars():
 def test_steps_runs_snapshots_and_copies_have_the_same_bits():
     history, Y, _ = recorded(0.01)
     Y[70:73] = np.nan
-    whole = LiftedMhe(history).run(Y)
-    estimator, x = LiftedMhe(history), []
+    new = LiftedMhe(history)
+    estimator, x = copy.deepcopy(new), []
+    whole = copy.deepcopy(new).run(Y)
     for k, y in enumerate(Y):
         x.append(estimator.step(y).x)
         if k == 40:
@@ -240,7 +241,7 @@ def test_steps_runs_snapshots_and_copies_have_the_same_bits():
             estimator = copy.deepcopy(estimator)
     assert np.array_equal(whole.x, x)
     assert estimator.t == len(Y)
-    assert estimator.warnings == LiftedMhe(history).warnings
+    assert estimator.warnings == new.warnings
     estimator.reset()
     again = estimator.run(Y)
     assert np.array_equal(again.x, whole.x)

@@ -9,7 +9,7 @@ import pandas as pd
 import pytest
 
 import ddmhe
-from commands import in_a_process, in_here
+from commands import in_here
 from ddmhe.design import output_delay
 from ddmhe.models import detumbling
 from ddmhe.reproduce.driven import CASES, task_of
@@ -152,16 +152,14 @@ def test_measured_outputs_that_are_late_are_told_and_moved_back(tmp_path):
     moved.to_csv(tmp_path / "late.csv", index=False)
     columns = ["--state", "nin2_V,neg_V,out_V", "--output", "out_y", "--input", "vin_V"]
     options = [*columns, "--history", 0.0032]
-    told = in_a_process("estimate", "late.csv", *options, cwd=tmp_path)
+    told = in_here("estimate", "late.csv", *options, cwd=tmp_path)
     assert told.returncode == 0, told.stderr
     words = "output 'out_y' lags the recorded states by about 4e-05 s (5 samples): --delay out_y=4e"
     assert words in told.stderr
     option = told.stderr.split("--delay ")[1].split()[0]
     runs = {"late.csv": ["--delay", option], "whole.csv": []}
     for name, more in runs.items():
-        result = in_a_process(
-            "estimate", name, *options, *more, "--out", f"out-{name}", cwd=tmp_path
-        )
+        result = in_here("estimate", name, *options, *more, "--out", f"out-{name}", cwd=tmp_path)
         assert result.returncode == 0, result.stderr
         assert "lags the recorded states" not in result.stderr
     x = [pd.read_csv(tmp_path / f"out-{name}")["nin2_V"].to_numpy() for name in runs]

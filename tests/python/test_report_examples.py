@@ -13,6 +13,15 @@ pytestmark = pytest.mark.skipif(
     CHROMIUM is None, reason="no chromium on this machine (apt-get install chromium)"
 )
 PAGES = sorted((Path(__file__).parents[2] / "docs" / "reports").glob("*.html"))
+# each page in one of two ways, the next one in the other; both ways of all with the long tests
+WAYS = [("light", 1200), ("dark", 400)]
+CASES = [
+    pytest.param(
+        *(path, *way), id=f"{path.stem}-{way[0]}", marks=pytest.mark.long if (i + k) % 2 else ()
+    )
+    for i, path in enumerate(PAGES)
+    for k, way in enumerate(WAYS)
+]
 
 
 @pytest.fixture(scope="module")
@@ -23,8 +32,7 @@ def browser():
         opened.close()
 
 
-@pytest.mark.parametrize("path", PAGES, ids=lambda path: path.stem)
-@pytest.mark.parametrize(("theme", "width"), [("light", 1200), ("dark", 400)])
+@pytest.mark.parametrize(("path", "theme", "width"), CASES)
 def test_an_example_is_well_made(browser, path, theme, width):
     page = browser.new_page(color_scheme=theme, viewport={"width": width, "height": 900})
     said, asked = [], []

@@ -43,17 +43,24 @@ def table(path):
 
 FEW_SEEDS = """
 from ddmhe.reproduce import experiments
-experiments.SEEDS, experiments.FAMILY_SEEDS = 2, 1
+experiments.SEEDS, experiments.FAMILY_SEEDS = {}, 1
 from ddmhe.cli import main
 main()
 """
 
 
-@pytest.mark.parametrize(
-    "program",
-    [["-c", FEW_SEEDS], pytest.param(["-m", "ddmhe"], marks=pytest.mark.long)],
-    ids=["few seeds", "all"],
-)
+def programs(seeds):
+    """The command with so many seeds of each experiment, and as it is."""
+    return pytest.mark.parametrize(
+        "program",
+        [
+            pytest.param(["-c", FEW_SEEDS.format(seeds)], id="few seeds"),
+            pytest.param(["-m", "ddmhe"], marks=pytest.mark.long, id="all"),
+        ],
+    )
+
+
+@programs(2)
 def test_one_experiment_leaves_figures_series_and_claims(tmp_path, program):
     done = run("bench-both", "--out", tmp_path, program=program)
     assert done.returncode == 0, done.stderr
@@ -163,8 +170,9 @@ def test_measured_logs(tmp_path):
     assert "| geometric mean |" in (tmp_path / "out" / "real.md").read_text(encoding="utf-8")
 
 
-def test_the_interval_paper_has_its_verdicts(tmp_path):
-    done = run("pendulum", "--out", tmp_path)
+@programs(10)
+def test_the_interval_paper_has_its_verdicts(tmp_path, program):
+    done = run("pendulum", "--out", tmp_path, program=program)
     assert done.returncode == 0, done.stderr
     names = {path.name for path in tmp_path.iterdir()}
     figures = {

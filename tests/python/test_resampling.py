@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import ddmhe
-from commands import in_a_process, in_here
+from commands import in_here
 from ddmhe.recordings import LogError, read
 
 COLUMNS = {"state": ["x"], "output": ["y"], "history": 1.0}
@@ -85,7 +85,7 @@ def test_on_the_command_line(tmp_path):
     result = in_here("estimate", "log.npz", *options, cwd=tmp_path)
     assert result.returncode == 0, result.stderr
     assert "resampled to 0.02 s" in result.stdout
-    both = in_a_process("estimate", "log.npz", *options, "--follow", cwd=tmp_path)
+    both = in_here("estimate", "log.npz", *options, "--follow", cwd=tmp_path)
     assert "log.npz: expected lines of CSV or JSON in UTF-8 with --follow" in both.stderr
 
 

@@ -249,8 +249,10 @@ def test_a_fit_by_hand_may_take_several_calls():
 
 def test_a_fit_by_hand_where_not_all_outputs_are_kept_is_refused():
     history, settings, *_ = golden("target 2")
-    est = ddmhe.RigidBodyMhe(history, optima=1, **settings)
-    silent = np.full((33 * RECORDED, 3), np.nan)
+    ((x, y),) = history.recordings
+    short = ddmhe.History(x[:101], y[:100], dt=0.1)
+    est = ddmhe.RigidBodyMhe(short, optima=1, **settings)
+    silent = np.full((33 * 100, 3), np.nan)
     est.run(silent)
     assert est.refit() is False
     assert est.refit(1.0) is False

@@ -178,7 +178,7 @@ def same(a, b):
     return all(np.array_equal(getattr(a, c), getattr(b, c)) for c in columns)
 
 
-@pytest.mark.parametrize("count", [1, 2, 3])
+@pytest.mark.parametrize("count", [1, pytest.param(2, marks=pytest.mark.long), 3])
 def test_the_fit_is_the_dense_problem_s(count):
     """ω to 1e-8 rad/s, its covariance to 1e-6, the cost, the evidence and χ."""
     recordings, _, _, body = turning(LENGTHS[-count:], SPINS[-count:])

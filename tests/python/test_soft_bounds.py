@@ -69,7 +69,7 @@ BOXES = {
 @pytest.mark.parametrize("v_bounds", [None, (-0.1, 0.2), (0.0, 0.0)])
 def test_an_estimate_is_the_penalised_minimiser(box, price, v_bounds):
     rng = np.random.default_rng([7, list(BOXES).index(box), int(100 * price)])
-    x, y, truth, outputs = recorded(rng)
+    x, y, truth, outputs = recorded(rng, 14)
     x_bounds = BOXES[box](truth)
     settings = dict(x_bounds=x_bounds, v_bounds=v_bounds, soft=price, space=ddmhe.Truncated(N))
     estimator = ddmhe.DdMhe(ddmhe.History(x, y, **UNITS), M, RHO, MU, **settings, start="state")

@@ -111,10 +111,10 @@ fn seen(mhe: &mut DdMhe, outputs: &[f64]) -> Vec<String> {
     seen
 }
 
-#[test]
-fn a_reset_estimator_is_a_new_one() {
+/// After `rounds` of use for each configuration.
+fn resets(rounds: usize, seed: u64) {
     let (history, outputs) = recorded();
-    let mut rng = ChaCha8Rng::seed_from_u64(0);
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
     for config in configs() {
         let fresh = DdMhe::new(&history, config.clone()).unwrap();
         let expected = seen(&mut fresh.clone(), &outputs);
@@ -123,7 +123,7 @@ fn a_reset_estimator_is_a_new_one() {
             Config { x_prior: Some(elsewhere.clone()), start: Start::State, ..config };
         let expected_elsewhere = seen(&mut DdMhe::new(&history, from_elsewhere).unwrap(), &outputs);
         let mut mhe = fresh.clone();
-        for round in 0..if cfg!(debug_assertions) { 4 } else { 40 } {
+        for round in 0..rounds {
             for _ in 0..rng.random_range(1..60) {
                 let k = 3 * rng.random_range(0..60);
                 use_it(&mut mhe, &outputs[k..k + 3], &mut rng);
@@ -144,12 +144,23 @@ fn a_reset_estimator_is_a_new_one() {
 }
 
 #[test]
-fn a_copy_and_a_restored_estimator_go_on_as_the_original_does() {
+fn a_reset_estimator_is_a_new_one() {
+    resets(if cfg!(debug_assertions) { 4 } else { 12 }, 0);
+}
+
+#[test]
+#[ignore = "long"]
+fn long_a_reset_estimator_is_a_new_one() {
+    resets(120, 2);
+}
+
+/// After `rounds` of use for each configuration.
+fn copies(rounds: usize, seed: u64) {
     let (history, outputs) = recorded();
-    let mut rng = ChaCha8Rng::seed_from_u64(1);
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
     for config in configs() {
         let mut mhe = DdMhe::new(&history, config).unwrap();
-        for round in 0..if cfg!(debug_assertions) { 3 } else { 30 } {
+        for round in 0..rounds {
             for _ in 0..rng.random_range(1..25) {
                 let k = 3 * rng.random_range(0..60);
                 use_it(&mut mhe, &outputs[k..k + 3], &mut rng);
@@ -165,4 +176,15 @@ fn a_copy_and_a_restored_estimator_go_on_as_the_original_does() {
             assert_eq!(seen(&mut mhe, &outputs[..90]), expected);
         }
     }
+}
+
+#[test]
+fn a_copy_and_a_restored_estimator_go_on_as_the_original_does() {
+    copies(if cfg!(debug_assertions) { 3 } else { 9 }, 1);
+}
+
+#[test]
+#[ignore = "long"]
+fn long_a_copy_and_a_restored_estimator_go_on_as_the_original_does() {
+    copies(90, 3);
 }
