@@ -3,7 +3,7 @@ instructions`.
 
 A count is the same on every machine with the same compiler, so that a step which became slower
 shows where times are too noisy. Fails when a count has grown by more than 5 %; `--write` makes
-today's counts the baseline."""
+today's counts the baseline. Of the smallest windows the floor is counted, too: see floor.rs."""
 
 import json
 import re
@@ -16,6 +16,7 @@ BASELINE = Path(__file__).with_suffix(".json")
 PROGRAM = Path("target/release/examples/instructions")
 STEPS = 500
 LIMIT = 1.05
+FLOORS = {"free-20-3": "floor-20-3", "free-10-5": "floor-10-5", "free-50-20": "floor-50-20"}
 
 
 def compiler() -> str:
@@ -33,7 +34,7 @@ def count(regime: str) -> int:
         "--callgrind-out-file=/dev/null",
         "--collect-atstart=no",
     ]
-    command += [f"--toggle-collect=*instructions::{of}*" for of in ("steps", "log")]
+    command += [f"--toggle-collect=*instructions::{of}*" for of in ("steps", "log", "floors")]
     command += [str(PROGRAM), regime]
     found = subprocess.run(command, check=True, capture_output=True, text=True)
     collected = re.search(r"Collected : (\d+)", found.stderr)
@@ -57,6 +58,9 @@ def main() -> None:
         print(f"{regime:<14} {instructions:>8} instructions a step, {ratio:.3f} of the baseline")
         if ratio > LIMIT:
             grown.append(regime)
+    for regime, floor in FLOORS.items():
+        least = count(floor)
+        print(f"{regime:<14} {counts[regime] / least:>8.2f} of its floor, {least} instructions")
     if grown and not same:
         print(
             f"instructions: another compiler ({compiler()}) than the baseline's "

@@ -4,9 +4,11 @@
 #![allow(clippy::print_stdout)]
 
 mod data;
+mod floor;
 
 use data::{config, pushed, recorded, within};
 use ddmhe_core::{Config, DdMhe, Signals, Space, Step, Weighting};
+use floor::Floor;
 
 const STEPS: usize = 500;
 
@@ -27,6 +29,12 @@ fn log(mhe: &mut DdMhe, signals: Signals<'_>) -> f64 {
     mhe.run_until(signals, &mut || false).map_or(f64::NAN, |log| log.cost.iter().sum())
 }
 
+/// What these cannot spare.
+#[inline(never)]
+fn floors(floor: &mut Floor, y: &[f64], p: usize) -> f64 {
+    y.chunks_exact(p).map(|y| floor.step(y).unwrap_or(f64::NAN)).sum()
+}
+
 /// An estimator and its log.
 struct Case {
     mhe: DdMhe,
@@ -40,15 +48,17 @@ fn space(rank: usize) -> Space {
 
 /// Without inputs.
 fn free(regime: &str) -> Case {
-    let (history, mut y) = recorded(3, 200, 100 + STEPS);
+    let n = if regime == "free-20-3" { 1 } else { 3 };
+    let (history, mut y) = recorded(n, 200, 100 + STEPS);
     let case = |M: usize, r: usize| config(M, space(r));
     let wide =
-        |config: Config| Config { x_bounds: within(1e3, 3), v_bounds: within(1e3, 3), ..config };
+        |config: Config| Config { x_bounds: within(1e3, n), v_bounds: within(1e3, n), ..config };
     // of one unit, so on one scale: the active bounds are then those that the baseline was counted
     // with
-    let history = history.with_units(&["m"; 3], &["m"; 3]).expect("units fit");
+    let history = history.with_units(&["m"; 3][..n], &["m"; 3][..n]).expect("units fit");
     let config = match regime {
         "free-10-5" => wide(case(10, 5)),
+        "free-20-3" => wide(case(20, 3)), // n = p = 1
         "free-50-20" => wide(case(50, 20)),
         "judged-10-5" => Config { evidence: true, ..wide(case(10, 5)) },
         "judged-50-20" => Config { evidence: true, ..wide(case(50, 20)) },
@@ -79,8 +89,22 @@ fn driven(regime: &str) -> Case {
     Case { mhe, y, u: if free { Vec::new() } else { u } }
 }
 
+/// The floor of a regime without inputs.
+fn count_floor(regime: &str) {
+    let (n, M, r) = match regime {
+        "floor-20-3" => (1, 20, 3),
+        "floor-10-5" => (3, 10, 5),
+        _ => (3, 50, 20),
+    };
+    let (mut floor, (_, y)) = (Floor::new(n, M, r), recorded(n, 200, STEPS));
+    println!("{STEPS} floors, sum {}", floors(&mut floor, &y, n));
+}
+
 fn main() {
     let regime = std::env::args().nth(1).unwrap_or_default();
+    if regime.starts_with("floor") {
+        return count_floor(&regime);
+    }
     let as_log = regime.ends_with("alone");
     let inputs = ["no-input", "one-instant", "two-instants"];
     let of_inputs = inputs.iter().any(|kind| regime.starts_with(kind));

@@ -1,80 +1,21 @@
 //! Time of one step against horizon M, number of states n, rank r and regime, beside the floor of
 //! its arithmetic; and of construction.
 //!
-//! Regimes: `floor` (the bare arithmetic of a step in plain loops: z from the data, the whole
-//! window, the check of its bounds), `free` (bounds that never bind), `few` (a box on the states
-//! that binds at a few of them, warm-started from the last step's active set), `cold` (one such
-//! step without an active set to start from), `still` (a box that binds at the same states at every
-//! step), `many` (a box on the fitted noise that cuts now and then), `missing` (one output entry in
-//! a half of the window absent). Ratios within one run are what to compare.
+//! Regimes: `floor` (what no step can spare, in plain loops: see floor.rs), `free` (bounds that
+//! never bind), `few` (a box on the states that binds at a few of them, warm-started from the last
+//! step's active set), `cold` (one such step without an active set to start from), `still` (a box
+//! that binds at the same states at every step), `many` (a box on the fitted noise that cuts now and
+//! then), `missing` (one output entry in a half of the window absent). Ratios within one run are
+//! what to compare.
 
 mod data;
+mod floor;
 
 use criterion::{BatchSize, Criterion, criterion_group, criterion_main};
 use data::{Pushed, config, pushed, recorded, within};
 use ddmhe_core::{Bounds, Config, DdMhe, Signals, Space, Step, Weighting};
+use floor::Floor;
 use std::hint::black_box;
-
-/// The bare arithmetic of one step: z = K f, w = c + A z, is lo ≤ w ≤ hi. Matrices by blocks of
-/// eight rows, sums in registers.
-struct Floor {
-    f: Vec<f64>,
-    K: Vec<[f64; 8]>,
-    A: Vec<[f64; 8]>,
-    c: Vec<[f64; 8]>,
-    lo: Vec<[f64; 8]>,
-    hi: Vec<[f64; 8]>,
-    z: Vec<[f64; 8]>,
-    w: Vec<[f64; 8]>,
-}
-
-impl Floor {
-    fn new(n: usize, M: usize, r: usize) -> Self {
-        let (seen, rows) = (n + M * n, (M * 2 * n + n).div_ceil(8));
-        let numbers =
-            |len: usize| (0..len).map(|i| [(i as f64).sin() / len as f64; 8]).collect::<Vec<_>>();
-        Floor {
-            f: numbers(seen).into_iter().map(|f| f[0]).collect(),
-            K: numbers(r.div_ceil(8) * seen),
-            A: numbers(rows * r),
-            c: numbers(rows),
-            lo: vec![[-1e3; 8]; rows],
-            hi: vec![[1e3; 8]; rows],
-            z: vec![[0.0; 8]; r.div_ceil(8)],
-            w: vec![[0.0; 8]; rows],
-        }
-    }
-
-    #[inline(always)]
-    fn run(&mut self, r: usize) -> bool {
-        for (z, block) in self.z.iter_mut().zip(self.K.chunks_exact(self.f.len())) {
-            *z = product([0.0; 8], block, &self.f);
-        }
-        let z = &self.z.as_flattened()[..r];
-        for ((w, c), block) in self.w.iter_mut().zip(&self.c).zip(self.A.chunks_exact(r)) {
-            *w = product(*c, block, z);
-        }
-        let mut room = [f64::INFINITY; 8];
-        for ((w, lo), hi) in self.w.iter().zip(&self.lo).zip(&self.hi) {
-            for i in 0..8 {
-                let (below, above) = (w[i] - lo[i], hi[i] - w[i]);
-                let least = if below < above { below } else { above };
-                room[i] = if least < room[i] { least } else { room[i] };
-            }
-        }
-        room.iter().all(|room| *room >= 0.0)
-    }
-}
-
-#[inline(always)]
-fn product(mut sum: [f64; 8], block: &[[f64; 8]], x: &[f64]) -> [f64; 8] {
-    for (column, x) in block.iter().zip(x) {
-        for i in 0..8 {
-            sum[i] += column[i] * x;
-        }
-    }
-    sum
-}
 
 /// Runs until the window is full, then times steps over the outputs again and again.
 fn time(c: &mut Criterion, regime: &str, id: &str, mut mhe: DdMhe, outputs: &[f64]) {
@@ -140,14 +81,9 @@ fn step(c: &mut Criterion) {
         });
         let id = format!("n={n},M={M},r={}", free.settings().rank);
         let mut floor = Floor::new(n, M, free.settings().rank);
-        let (arch, rank) = (pulp::Arch::new(), free.settings().rank);
+        let mut samples = outputs.chunks_exact(n).cycle();
         c.benchmark_group("step/floor").bench_function(&id, |b| {
-            b.iter(|| {
-                arch.dispatch(
-                    #[inline(always)]
-                    || black_box(&mut floor).run(rank),
-                )
-            });
+            b.iter(|| black_box(floor.step(samples.next().expect("cycle never ends"))));
         });
         time(c, "free", &id, free, &outputs);
         let few =

@@ -147,8 +147,8 @@ impl<'a> Panels<'a> {
     pub fn wide(self, start: &[f64], x: &[f64], y: &[f64], out: &mut [f64]) {
         let (start, mut left) = (start.as_chunks::<WIDTH>().0, self.data);
         for (start, out) in start.iter().zip(out.as_chunks_mut::<WIDTH>().0) {
-            let Some((panel, others)) = left.split_at_checked(self.columns) else { return };
-            let Some((first, rest)) = panel.split_at_checked(x.len()) else { return };
+            let Some((first, rest)) = left.split_at_checked(x.len()) else { return };
+            let Some((rest, others)) = rest.split_at_checked(y.len()) else { return };
             let mut sum = *start;
             for (column, x) in first.iter().zip(x) {
                 add(&mut sum, column, *x);
@@ -303,9 +303,10 @@ pub fn scaled_sum(a: &[f64], b: &[f64], c: &[f64], out: &mut [f64]) {
 #[inline(always)]
 pub fn margins(values: &[f64], lo: &[f64], hi: &[f64]) -> [f64; WIDTH] {
     let (lo, hi) = (&lo[..values.len()], &hi[..values.len()]);
+    // the nearer bound first: the smallest so far waits for one comparison, not for two
     let least = |least, w, l, h| {
-        let above = each(each(w, l, |w, l| w - l), least, smaller);
-        each(each(h, w, |h, w| h - w), above, smaller)
+        let (above, below) = (each(w, l, |w, l| w - l), each(h, w, |h, w| h - w));
+        each(each(above, below, smaller), least, smaller)
     };
     let mut all = [f64::INFINITY; WIDTH];
     let (w, l, h) = (values.as_chunks::<WIDTH>(), lo.as_chunks::<WIDTH>(), hi.as_chunks::<WIDTH>());
@@ -319,7 +320,7 @@ pub fn margins(values: &[f64], lo: &[f64], hi: &[f64]) -> [f64; WIDTH] {
         return least(all, *w, *l, *h); // the last eight, some of them once more
     }
     for (((all, w), l), h) in all.iter_mut().zip(w.1).zip(l.1).zip(h.1) {
-        *all = smaller(h - w, smaller(w - l, *all));
+        *all = smaller(smaller(w - l, h - w), *all);
     }
     all
 }
