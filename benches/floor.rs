@@ -1,6 +1,7 @@
 //! What no step can spare, in plain loops, on the sizes of an estimator: a new output into the
-//! window, z* = z_0 + K [x̄; y], its window c + A z*, the states in the user's units, v = y - ŷ, the
-//! distance of both to their bounds, the cost (17), and x̂(t) out and into memory as a later x̄.
+//! window, z* = z_0 + K [x̄; y], its window c + A z*, the states in the user's units, v = y - ŷ,
+//! the distance of both to their bounds, the cost (17), and x̂(t) out and into memory as a later
+//! x̄.
 //!
 //! Sizes are known when it runs, as in the estimator. Matrices lie in panels of eight rows, and
 //! vectors are padded to whole panels, so that no loop has a rest. Nothing is looked at that may be

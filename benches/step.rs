@@ -4,9 +4,9 @@
 //! Regimes: `floor` (what no step can spare, in plain loops: see floor.rs), `free` (bounds that
 //! never bind), `few` (a box on the states that binds at a few of them, warm-started from the last
 //! step's active set), `cold` (one such step without an active set to start from), `still` (a box
-//! that binds at the same states at every step), `many` (a box on the fitted noise that cuts now and
-//! then), `missing` (one output entry in a half of the window absent). Ratios within one run are
-//! what to compare.
+//! that binds at the same states at every step), `many` (a box on the fitted noise that cuts now
+//! and then), `missing` (one output entry in a half of the window absent). Ratios within one run
+//! are what to compare.
 
 mod data;
 mod floor;
