@@ -27,7 +27,8 @@ setup: ## .venv and the compiled core, brought up to date (the others do what th
 packages:
 	@tools/setup.sh packages
 
-demo: setup ## the paper's satellite: an estimate and its figure in ddmhe-demo/
+demo: ## the paper's satellite: an estimate and its figure in ddmhe-demo/
+	@tools/setup.sh run
 	$(PY) -m ddmhe demo --out ddmhe-demo
 
 # One profile for the tests, the benches and Python's core, and --workspace, which gives all three

@@ -1,7 +1,7 @@
 #!/bin/sh
 # Brings .venv and the compiled core up to date; quick when they are. `setup.sh packages` leaves
-# out the core. What is up to date is decided by content, since a time of change says nothing after
-# a checkout or an unpacked archive.
+# out the core, `setup.sh run` the packages that only tests and tools need. What is up to date is
+# decided by content, since a time of change says nothing after a checkout or an unpacked archive.
 set -eu
 cd "$(dirname "$0")/.."
 
@@ -54,13 +54,32 @@ if [ "$(version_of .venv/bin/python)" != "$version" ]; then
     rm -rf .venv
     "$python" -m venv .venv
 fi
-if ! cmp -s requirements-dev.txt .venv/installed-requirements; then
+
+# What has been installed is kept beside it, as it was asked for.
+lists="requirements-run.txt requirements-dev.txt"
+[ "${1:-}" != run ] || lists=requirements-run.txt
+missing=
+for list in $lists; do
+    cmp -s "$list" ".venv/installed-$list" || missing=${lists##* }
+done
+
+install() {
+    .venv/bin/python -m pip install --quiet --disable-pip-version-check "$@"
+}
+
+install_missing() {
+    install -r "$missing"
+    for list in $lists; do cp "$list" ".venv/installed-$list"; done
+}
+
+if [ -n "$missing" ]; then
     echo "Installing Python packages into .venv"
     .venv/bin/python -m ensurepip >/dev/null # an interrupted .venv has no pip yet
-    .venv/bin/python -m pip install --quiet --disable-pip-version-check -r requirements-dev.txt
-    cp requirements-dev.txt .venv/installed-requirements
 fi
-[ "${1:-}" != packages ] || exit 0
+if [ "${1:-}" = packages ]; then
+    [ -z "$missing" ] || install_missing
+    exit 0
+fi
 
 # --- the compiled core: the Python sources are used in place, only Rust has to be built
 
@@ -83,7 +102,16 @@ if ! printf '%s\n' "$found" | cmp -s - .venv/built-state; then
     [ ! -d "${CARGO_TARGET_DIR:-target}/release" ] ||
         cargo clean --quiet --release --locked \
             -p ddmhe-run -p ddmhe-interval -p ddmhe-core -p ddmhe-py
-    # what the package needs is in requirements-dev.txt; pip says of each that it is there
+    if [ -n "$missing" ]; then
+        # Packages come while the core is compiled, for which maturin is enough.
+        install "$(grep '^maturin==' requirements-run.txt)"
+        install_missing &
+        .venv/bin/maturin develop --release --locked --skip-install || { wait; exit 1; }
+        wait $!
+        missing=
+    fi
+    # what the package needs is in requirements-run.txt; pip says of each that it is there
     PIP_QUIET=1 .venv/bin/maturin develop --release --locked
     state >.venv/built-state
 fi
+[ -z "$missing" ] || install_missing
