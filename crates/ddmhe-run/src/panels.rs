@@ -374,3 +374,47 @@ pub fn halve(mut x: [f64; WIDTH], join: impl Fn(f64, f64) -> f64) -> f64 {
     }
     x[0]
 }
+
+#[cfg(test)]
+mod tests {
+    use super::{Panels, WIDTH, margins, panels_len, write_panels};
+
+    const ROWS: usize = 2 * WIDTH;
+
+    fn entry(i: usize, j: usize) -> f64 {
+        1.0 / (1.0 + i as f64 + 3.0 * j as f64)
+    }
+
+    #[test]
+    fn however_many_columns_a_row_is_summed_in_their_order() {
+        for columns in 1..10 {
+            let mut room = [0.0; panels_len(ROWS, 9)];
+            let data = &mut room[..panels_len(ROWS, columns)];
+            write_panels((ROWS, columns), entry, data);
+            let x: [f64; 9] = core::array::from_fn(|j| 0.3 - j as f64);
+            let start: [f64; ROWS] = core::array::from_fn(|i| 0.1 * i as f64);
+            let mut out = [0.0; ROWS];
+            Panels::new(columns, data).tall(&start, &x[..columns], &mut out);
+            for (i, out) in out.iter().enumerate() {
+                let sum = (0..columns).fold(start[i], |sum, j| sum + entry(i, j) * x[j]);
+                assert_eq!(*out, sum, "row {i} of {columns} columns");
+            }
+        }
+    }
+
+    #[test]
+    fn the_smallest_margin_is_that_to_the_nearest_bound_of_what_was_measured() {
+        for len in 1..20 {
+            for nearest in 0..len {
+                let mut values = [0.0; 20];
+                (values[nearest], values[(nearest + 1) % len]) = (0.5, -0.25);
+                let expected = if len > 1 { 0.5 } else { 0.75 };
+                if len > 2 {
+                    values[(nearest + 2) % len] = f64::NAN;
+                }
+                let all = margins(&values[..len], &[-1.0; 20], &[1.0; 20]);
+                assert_eq!(all.into_iter().fold(f64::INFINITY, f64::min), expected);
+            }
+        }
+    }
+}
