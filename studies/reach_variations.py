@@ -48,6 +48,8 @@ class Change:
     """Angular momentum of a wheel about the first axis over the body's at first."""
     lag: float = 0.0
     """Of the torque's sensor, s."""
+    feared: bool = False
+    """Whether a lag is asked for."""
 
 
 CHANGES = (
@@ -69,8 +71,13 @@ CHANGES = (
     Change("fuel slug, 2 %", slug=0.02),
     Change("fuel slug, 10 %", slug=0.1),
     Change("wheel, 5 % of the momentum", wheel=0.05),
+    Change("sensor's lag, .1 s", lag=0.1),
     Change("sensor's lag, .3 s", lag=0.3),
     Change("sensor's lag, 1 s", lag=1.0),
+    Change("none, `output_lag=True`", feared=True),
+    Change("lag of .1 s, `output_lag=True`", lag=0.1, feared=True),
+    Change("lag of .3 s, `output_lag=True`", lag=0.3, feared=True),
+    Change("lag of 1 s, `output_lag=True`", lag=1.0, feared=True),
 )
 
 
@@ -134,9 +141,10 @@ def cases(change: Change, x, y) -> list[Case]:
 
 def both(job):
     """What DdMhe and RigidBodyMhe make of a case, and whether a body explains the recording."""
-    case, told = job
+    case, told, feared = job
     affine = ddmhe.DdMhe(case.history, **(dict(output_noise=case.noise[2]) if told else {}))
-    rigid = ddmhe.RigidBodyMhe(case.history, **(stated(case) if told else {}))
+    settings = (stated(case) if told else {}) | (dict(output_lag=True) if feared else {})
+    rigid = ddmhe.RigidBodyMhe(case.history, **settings)
     found = [judged(estimator.run(case.Y), case) for estimator in (affine, rigid)]
     rigid.reset()
     return *found, rigid.explained
@@ -149,7 +157,8 @@ def rms(found, dt, seconds=SPAN):
 def changed():
     """A row for each change."""
     sets = [cases(*parts) for parts in zip(CHANGES, *simulated(CHANGES), strict=True)]
-    jobs = [(c, change.told) for change, own in zip(CHANGES, sets, strict=True) for c in own]
+    together = zip(CHANGES, sets, strict=True)
+    jobs = [(c, change.told, change.feared) for change, own in together for c in own]
     made, rows = everywhere(both, jobs), []
     for change, own in zip(CHANGES, sets, strict=True):
         affine, rigid, explained = zip(*(next(made) for _ in own), strict=True)

@@ -260,6 +260,7 @@ class RigidBodyMhe:
         x_bounds: _Box | None = None,
         field: tuple[ArrayLike, ArrayLike] | None = None,
         rate_noise: ArrayLike | None = None,
+        output_lag: bool | None = None,
         fallback: DdMhe | None = None,
         refit: Literal["now", "sliced", "manual"] = "now",
         optima: int = 4,
@@ -332,6 +333,10 @@ class RigidBodyReport:
     def inertia_std(self) -> _Floats: ...
     @property
     def unseen(self) -> _Floats: ...
+    @property
+    def lag(self) -> float | None: ...
+    @property
+    def lag_std(self) -> float | None: ...
     @property
     def words(self) -> list[str]: ...
 

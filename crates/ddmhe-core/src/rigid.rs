@@ -12,7 +12,9 @@ mod ends;
 mod family;
 mod field;
 mod ground;
+mod lag;
 mod later;
+mod made;
 mod measured;
 mod mhe;
 mod online;
@@ -20,6 +22,8 @@ mod recording;
 mod report;
 #[cfg(feature = "serde")]
 mod saved;
+mod suspicion;
+mod warnings;
 mod wide;
 
 pub use config::{KnownField, Refits, RigidConfig};

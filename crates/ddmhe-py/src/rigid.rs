@@ -50,6 +50,11 @@ use std::time::{Duration, Instant};
 /// rate_noise : float or array (3,), optional
 ///     Standard deviation of the noise on rates that are measured later (step's x); None: as on
 ///     recorded ones.
+/// output_lag : bool, optional
+///     Whether the outputs lag behind the motion by a time that is fitted, too, as those of
+///     first-order sensors do; up to three outputs. None: only where no body explains all data
+///     without. A small lag is seen late or not at all: say True of sensors that are known to have
+///     one, or may.
 /// fallback : DdMhe, optional
 ///     What estimates where no rigid body does, as it stands; None: one with its defaults, this box
 ///     and this noise.
@@ -123,9 +128,10 @@ impl RigidBodyMhe {
     #[new]
     #[pyo3(
         signature = (history, *, x_noise=None, y_noise=None, output_noise=None, x_bounds=None,
-            field=None, rate_noise=None, fallback=None, refit=None, optima=4),
+            field=None, rate_noise=None, output_lag=None, fallback=None, refit=None, optima=4),
         text_signature = "(history, *, x_noise=None, y_noise=None, output_noise=None, \
-            x_bounds=None, field=None, rate_noise=None, fallback=None, refit='now', optima=4)"
+            x_bounds=None, field=None, rate_noise=None, output_lag=None, fallback=None, \
+            refit='now', optima=4)"
     )]
     #[allow(clippy::too_many_arguments)] // as many as users see
     fn new(
@@ -136,6 +142,7 @@ impl RigidBodyMhe {
         x_bounds: Option<&Bound<'_, PyAny>>,
         field: Option<&Bound<'_, PyAny>>,
         rate_noise: Option<&Bound<'_, PyAny>>,
+        output_lag: Option<bool>,
         fallback: Option<&Bound<'_, DdMhe>>,
         refit: Option<&Bound<'_, PyAny>>,
         optima: usize,
@@ -152,6 +159,7 @@ impl RigidBodyMhe {
                 .transpose()?,
             field: field.map(|field| known_field(field, recorded, history.core.p())).transpose()?,
             rate_noise: levels("rate_noise", rate_noise)?,
+            output_lag,
             refit: refit.map(refits).transpose()?.unwrap_or_default(),
             optima,
         };
@@ -433,6 +441,18 @@ impl RigidBodyReport {
     #[getter]
     fn unseen<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         array1(py, &self.core.unseen)
+    }
+
+    /// By how long the outputs lag behind the motion (s), where a lag was fitted; None: without.
+    #[getter]
+    fn lag(&self) -> Option<f64> {
+        self.core.lag.map(|[lag, _]| lag)
+    }
+
+    /// Its standard deviation (s).
+    #[getter]
+    fn lag_std(&self) -> Option<f64> {
+        self.core.lag.map(|[_, sd]| sd)
     }
 
     /// All of it in sentences.

@@ -13,14 +13,15 @@
 //! | z = (ω, θ), θ = (j, β, S, γ, G, r, γ) | `z`, see [`layout`] | N = 15 + 3 p | |
 //! | J = I + Σ j_k E_k | [`small::inertia`] | 3 × 3 | none |
 //! | b0, N0 | [`Body`] | 3, 3 × 2 | none |
-//! | sd: the prior of θ is N(0, sd²) | [`Body::spread`] | N | |
-//! | W: rms of the recorded ω | [`Body::W`] | | rad/s |
+//! | sd: the prior of θ is N(0, sd²) | [`motion::Given::spread`] | N | |
+//! | W: rms of the recorded ω | [`motion::Given::W`] | | rad/s |
 //! | P | [`Filter::P`] | N × N | |
 //! | χ of states, outputs, and of both in means over ten | [`Misfit`] | 4 | none |
 //! | R, q: stacked whitened Jacobian and residual | [`factor::Factor`] | N × N, N | |
 //!
 //! # A tour
-//! [`motion`] (samples, with their derivatives) ← [`body`], [`field`] (in a known field) ·
+//! [`motion`] (samples, with their derivatives) ← [`body`], [`field`] (in a known field), [`lag`] (seen
+//! by sensors that lag) ·
 //! [`pass`] (the cost of z over all [`data`] or their [`means`], and its [`factor`]; `earlier`
 //! recordings' own unknowns are eliminated) → [`fit`] (Levenberg and Marquardt) → [`posterior`] →
 //! [`filter`] (one sample, from there on) → [`mixture`] (up to four of them) · [`anchoring`] (fits to
@@ -38,6 +39,7 @@ pub mod factor;
 pub mod field;
 pub mod filter;
 pub mod fit;
+pub mod lag;
 pub mod layout;
 pub mod means;
 pub mod mixture;
@@ -55,6 +57,7 @@ pub use earlier::{Earlier, Firsts};
 pub use field::{Field, FieldBody};
 pub use filter::{Filter, Innovation, Limits};
 pub use fit::Fit;
+pub use lag::LaggedBody;
 pub use means::{Mean, Means};
 pub use mixture::{Member, Mixture};
 pub use motion::Motion;

@@ -111,6 +111,8 @@ class Chosen:
                 "inertia": report.inertia,
                 "inertia_std": report.inertia_std,
                 "unseen": report.unseen,
+                "lag": report.lag,
+                "lag_std": report.lag_std,
                 "probabilities": report.probabilities,
                 "chi": report.chi,
                 "limits": report.limits,

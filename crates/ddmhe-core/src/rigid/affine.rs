@@ -1,7 +1,7 @@
 //! The affine motion ω̇ = A ω + e, y = C ω + r: the yardstick for whether a rigid body explains a
 //! recording.
 
-use ddmhe_run::rigid::motion::{Entry, MOVING, Motion, Slopes, Steps};
+use ddmhe_run::rigid::motion::{Entry, Given, MOVING, Motion, Slopes};
 
 /// Unknowns before those of the output: ω, and [A e] by rows.
 pub(crate) const OUTPUT: usize = 15;
@@ -17,8 +17,7 @@ pub(crate) const fn affine_unknowns(p: usize) -> usize {
 /// An affine motion with P outputs and N = [`affine_unknowns`]`(P)` unknowns.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Affine<const P: usize, const N: usize> {
-    pub steps: Steps,
-    pub spread: [f64; N],
+    pub given: Given<N>,
 }
 
 /// aᵀ(ω, 1) of the four numbers from `at` on.
@@ -36,12 +35,8 @@ impl<const P: usize, const N: usize> Motion<P, N> for Affine<P, N> {
 
     fn between((): &(), (): &(), _: f64) {}
 
-    fn steps(&self) -> Steps {
-        self.steps
-    }
-
-    fn spread(&self) -> &[f64; N] {
-        &self.spread
+    fn given(&self) -> &Given<N> {
+        &self.given
     }
 
     fn parts(&self, z: &[f64; N]) -> [f64; N] {

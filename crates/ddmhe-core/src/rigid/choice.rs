@@ -79,7 +79,7 @@ fn optima<M: Fitted<P, N>, const P: usize, const N: usize>(
     found.sort_by(|a, b| a.cost.total_cmp(&b.cost));
     let euler = found.first().filter(|_| M::SIMULATED).and_then(|best| {
         let mut start = best.start();
-        start.motion.steps_mut().substeps = 0;
+        start.motion.given_mut().steps.substeps = 0;
         fit(of, &start)
     });
     match euler {
@@ -112,6 +112,18 @@ impl<M, const N: usize> Choice<M, N> {
     where
         M: Fitted<P, N>,
     {
+        let explaining = Self::explaining(recording, known);
+        explaining.unwrap_or_else(|tried| Self::without::<P, NA>((recording, known), &tried))
+    }
+
+    /// The simplest motion of the family that explains the recording; else those that do not.
+    pub fn explaining<const P: usize>(
+        recording: &Recording<P>,
+        known: &[M::Known],
+    ) -> Result<Self, Vec<Posterior<M, N>>>
+    where
+        M: Fitted<P, N>,
+    {
         let mut tried = Vec::new();
         for cubic in [false, true] {
             let found = optima::<M, P, N>((recording, known), cubic);
@@ -122,10 +134,11 @@ impl<M, const N: usize> Choice<M, N> {
                 let mut optima = [const { None }; OPTIMA];
                 let all = near.map(|f| settled((recording, known), f));
                 optima.iter_mut().zip(all).for_each(|(to, f)| *to = Some(f));
-                return Choice { optima, explained: true, inflation: 1.0, closest: optima[0] };
+                let closest = optima[0];
+                return Ok(Choice { optima, explained: true, inflation: 1.0, closest });
             }
         }
-        Self::without::<P, NA>((recording, known), &tried)
+        Err(tried)
     }
 
     /// Where none of the best explains the recording.
@@ -139,7 +152,7 @@ impl<M, const N: usize> Choice<M, N> {
         let samples = recording.x.len();
         let absent = M::OF_OUTPUT * (P - recording.p);
         let of_body = |f: &Posterior<M, N>| {
-            rating(f, samples, N - absent - if f.motion.is_cubic() { 0 } else { 2 })
+            rating(f, samples, N - absent - if f.motion.given().cubic { 0 } else { 2 })
         };
         // of equals the first
         let closest = tried.iter().rev().max_by(|a, b| of_body(a).total_cmp(&of_body(b))).copied();

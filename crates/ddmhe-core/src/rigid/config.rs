@@ -10,8 +10,8 @@ use ddmhe_run::rigid::earlier::EARLIER;
 #[cfg(feature = "serde")]
 use serde::{Deserialize, Serialize};
 
-/// Most outputs in a known field.
-pub(crate) const FIELD_OUTPUTS: usize = 3;
+/// Most outputs in a known field, and of sensors that lag.
+pub(crate) const FEW_OUTPUTS: usize = 3;
 /// Most outputs.
 pub(crate) const OUTPUTS: usize = 6;
 /// Fewest outputs, of all recordings together: ten blocks of ten, whose means say whether a fit
@@ -60,8 +60,8 @@ impl KnownField {
 
     fn check(&self, history: &History) -> Result<(), Error> {
         let (p, T) = (history.p(), history.T());
-        if !is_of_rates(history) || p > FIELD_OUTPUTS {
-            let expected = format!("none, or three rates and at most {FIELD_OUTPUTS} outputs");
+        if !is_of_rates(history) || p > FEW_OUTPUTS {
+            let expected = format!("none, or three rates and at most {FEW_OUTPUTS} outputs");
             let found = format!("n = {}, p = {p}", history.n());
             return Err(Error::shape("field", expected, found));
         }
@@ -103,6 +103,10 @@ pub struct RigidConfig {
     pub x_bounds: Option<Bounds>,
     /// The field of the recording, where it is known and moves: then each step is told it, too.
     pub field: Option<KnownField>,
+    /// Whether the outputs lag behind the motion, as those of first-order sensors do, by a time that
+    /// is fitted, too: true, false, or None: only where no body explains all data without it. Up to
+    /// three outputs.
+    pub output_lag: Option<bool>,
     /// When the motion is fitted anew.
     pub refit: Refits,
     /// How many motions that may have made the data are followed at once, 1 to 4.
@@ -118,6 +122,7 @@ impl Default for RigidConfig {
             rate_noise: None,
             x_bounds: None,
             field: None,
+            output_lag: None,
             refit: Refits::default(),
             optima: OPTIMA,
         }
@@ -157,6 +162,11 @@ impl RigidConfig {
         check_noise("y_noise", self.y_noise.as_deref(), p)?;
         check_noise("rate_noise", self.rate_noise.as_deref(), n)?;
         check_noise("output_noise", self.output_noise.as_deref(), p)?;
+        if self.output_lag == Some(true) && !may_lag(history, self) {
+            let expected =
+                format!("no true but with three rates, at most {FEW_OUTPUTS} outputs and no field");
+            return Err(Error::value("output_lag", expected, true));
+        }
         self.field.as_ref().map_or(Ok(()), |field| field.check(history))?;
         self.x_bounds.as_ref().map_or(Ok(()), |bounds| check_box("x_bounds", bounds, &[n]))
     }
@@ -165,6 +175,11 @@ impl RigidConfig {
 /// Whether a recording may be one of a body's three rates and what shows them.
 pub(crate) fn is_of_rates(history: &History) -> bool {
     history.n() == 3 && history.p() <= OUTPUTS
+}
+
+/// Whether a lag can be fitted.
+pub(crate) fn may_lag(history: &History, config: &RigidConfig) -> bool {
+    is_of_rates(history) && history.p() <= FEW_OUTPUTS && config.field.is_none()
 }
 
 /// Standard deviations of so many channels, or one for all.

@@ -5,8 +5,9 @@ use crate::error::Error;
 use crate::history::History;
 use crate::mhe::DdMhe;
 use crate::rigid::config::{Refits, RigidConfig, SAMPLES};
+use crate::rigid::made::online;
 use crate::rigid::measured::Measured;
-use crate::rigid::online::{blank, online};
+use crate::rigid::online::blank;
 
 /// Shares of the longest recording to whose beginnings a body that does not explain it is fitted.
 const BEGINNINGS: [f64; 2] = [0.5, 0.75];

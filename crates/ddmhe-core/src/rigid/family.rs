@@ -2,9 +2,13 @@
 //! each sample.
 
 use crate::rigid::recording::Recording;
+use ddmhe_run::rigid::lag::lag;
 use ddmhe_run::rigid::layout::unknowns;
-use ddmhe_run::rigid::motion::Family;
-use ddmhe_run::rigid::{Body, Start};
+use ddmhe_run::rigid::motion::{Family, Motion};
+use ddmhe_run::rigid::{Body, LaggedBody, Start};
+
+/// Prior deviation of a lag (s) that is to have no part in whether there is one.
+const UNKNOWN: f64 = 1e3;
 
 /// One of them.
 pub(crate) trait Fitted<const P: usize, const N: usize>:
@@ -19,6 +23,15 @@ pub(crate) trait Fitted<const P: usize, const N: usize>:
     /// How many numbers are known of a sample.
     #[cfg(feature = "serde")]
     const NUMBERS: usize;
+
+    /// Whether its outputs may be found to lag.
+    const SEEKS_LAG: bool = false;
+
+    /// The same motion where outputs may lag, by the last unknown.
+    type Lagging: Motion<P, N, Known = Self::Known>;
+
+    /// A motion as one of that family, without a lag; None where none is looked for.
+    fn lagging(of: &Start<Self, N>) -> Option<Start<Self::Lagging, N>>;
 
     /// Where its fit begins.
     fn start(
@@ -42,6 +55,20 @@ impl<const P: usize, const N: usize> Fitted<P, N> for Body<P, N> {
     const STARTS: [&'static [usize]; 2] = [&[0, 1, 2, 3, 4], &[0]];
     #[cfg(feature = "serde")]
     const NUMBERS: usize = 0;
+
+    const SEEKS_LAG: bool = true;
+
+    type Lagging = LaggedBody<P, N>;
+
+    fn lagging(of: &Start<Self, N>) -> Option<Start<LaggedBody<P, N>, N>> {
+        let Start { motion: mut body, mut z, firsts } = *of;
+        if body.given.cubic || body.is_simulated() {
+            return None;
+        }
+        z[lag(P)] = 0.0;
+        body.given.spread[lag(P)] = UNKNOWN;
+        Some(Start { motion: LaggedBody { body }, z, firsts })
+    }
 
     fn start(recording: &Recording<P>, _: &[()], trial: usize, cubic: bool) -> Start<Self, N> {
         recording.body(trial, cubic)

@@ -4,6 +4,7 @@ use crate::rigid::family::Fitted;
 use crate::rigid::recording::{GAMMA, INERTIAS, OFFSETS, Recording, drawn};
 use ddmhe_run::rigid::field::{DRAG_CUBIC, GAIN, MAGNETIC, OFFSET};
 use ddmhe_run::rigid::layout::INERTIA;
+use ddmhe_run::rigid::motion::Given;
 use ddmhe_run::rigid::small::{cross, dot};
 use ddmhe_run::rigid::{Field, FieldBody, Firsts, Start};
 use faer::Mat;
@@ -23,6 +24,12 @@ impl<const P: usize, const N: usize> Fitted<P, N> for FieldBody<P, N> {
     const STARTS: [&'static [usize]; 2] = [&[0, 2, 4], &[0]];
     #[cfg(feature = "serde")]
     const NUMBERS: usize = 3 + 3 * P;
+
+    type Lagging = Self;
+
+    fn lagging(_: &Start<Self, N>) -> Option<Start<Self, N>> {
+        None
+    }
 
     fn start(
         recording: &Recording<P>,
@@ -45,7 +52,8 @@ impl<const P: usize, const N: usize> Fitted<P, N> for FieldBody<P, N> {
         z[..3].copy_from_slice(&recording.x[0]);
         z[INERTIA..MAGNETIC].copy_from_slice(&drawn(trial));
         z[MAGNETIC..].iter_mut().zip(shown).for_each(|(z, shown)| *z = shown / scale);
-        let motion = FieldBody { scale, W, steps: recording.steps(), cubic, spread };
+        let given = Given { W, steps: recording.steps(), cubic, spread };
+        let motion = FieldBody { scale, given };
         Start { motion, z, firsts: Firsts::NONE }
     }
 

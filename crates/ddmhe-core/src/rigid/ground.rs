@@ -4,7 +4,7 @@ use crate::config::Bounds;
 use crate::error::Error;
 use crate::history::History;
 use crate::rigid::choice::Choice;
-use crate::rigid::config::{Refits, RigidConfig};
+use crate::rigid::config::{FEW_OUTPUTS, Refits, RigidConfig};
 use crate::rigid::family::Fitted;
 use crate::rigid::later::Later;
 use crate::rigid::recording::Recording;
@@ -34,6 +34,8 @@ pub(crate) struct Ground<M: Fitted<P, N>, const P: usize, const N: usize> {
     pub range: [[f64; 2]; 3],
     /// The machine's vector units.
     pub units: Wide,
+    /// Whether it is looked for whether outputs lag.
+    pub seeks_lag: bool,
 }
 
 impl<M: Fitted<P, N>, const P: usize, const N: usize> Ground<M, P, N> {
@@ -44,6 +46,15 @@ impl<M: Fitted<P, N>, const P: usize, const N: usize> Ground<M, P, N> {
         let samples = field.flat_map(|field| (0..field.count()).map(move |k| field.at(k, p)));
         let known: Vec<_> = samples.map(|(B, K)| M::known(B, K)).collect();
         let choice = Choice::of::<P, NA>(&recording, of_all::<M, P, N>(&known));
+        Ok(Self::on((recording, known), choice, config))
+    }
+
+    /// Where a choice has been made.
+    pub fn on(
+        (recording, known): (Recording<P>, Vec<M::Known>),
+        choice: Choice<M, N>,
+        config: &RigidConfig,
+    ) -> Self {
         let mut noise = recording.of_later;
         for (own, recorded) in noise.iter_mut().zip(&recording.of_y) {
             *own = own.max(if choice.explained { 0.0 } else { recorded * choice.inflation });
@@ -66,7 +77,21 @@ impl<M: Fitted<P, N>, const P: usize, const N: usize> Ground<M, P, N> {
         let (half, range) = spread(&recording.x);
         let most = config.optima;
         let units = Wide::new();
-        Ok(Ground { recording, known, choice, noise, refit, most, limits, half, range, units })
+        let few = recording.p <= FEW_OUTPUTS;
+        let seeks_lag = M::SEEKS_LAG && few && config.output_lag.is_none() && choice.explained;
+        Ground {
+            recording,
+            known,
+            choice,
+            noise,
+            refit,
+            most,
+            limits,
+            half,
+            range,
+            units,
+            seeks_lag,
+        }
     }
 
     pub fn start(&self) -> Option<Stepper<M, P, N>> {

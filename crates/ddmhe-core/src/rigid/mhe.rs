@@ -9,11 +9,13 @@ use crate::interrupt::Interrupt;
 use crate::mhe::DdMhe;
 use crate::rigid::config::RigidConfig;
 use crate::rigid::ends::foretells;
+use crate::rigid::made::{lagging, online};
 use crate::rigid::measured::Measured;
-use crate::rigid::online::{Online, blank, online};
+use crate::rigid::online::{Online, blank};
 use crate::rigid::report::Report;
 #[cfg(feature = "serde")]
-use crate::rigid::saved::Saved;
+use crate::rigid::saved::{Saved, wrong};
+use crate::rigid::warnings::warnings;
 #[cfg(feature = "serde")]
 use crate::snapshot::{Kind, from_bytes, to_bytes};
 use ddmhe_run::Status;
@@ -27,9 +29,8 @@ use serde::{Deserialize, Serialize};
 const LOST: (f64, usize) = (8.0, 100);
 /// Weight of the newest sample in the affine estimator's score, and its most: the filter's.
 const AVERAGE: (f64, f64) = (0.03, 10.0);
-/// Recorded rates that spread in a second direction by less than so many times their noise lie along a
-/// line. So did six of seven, of 210, that were trusted for long while five deviations off.
-const A_LINE: f64 = 3.0;
+/// A lag is certain that is so many of its deviations.
+const CERTAIN: f64 = 5.0;
 /// Score above which the affine estimator stands by, and below which it rests again.
 const STANDS_BY: (f64, f64) = (DISAGREE, 1.0);
 
@@ -40,6 +41,8 @@ pub struct RigidBodyMhe {
     history: History,
     config: RigidConfig,
     rigid: Box<dyn Online>,
+    /// The run that a body whose outputs lag has taken the place of.
+    plain: Option<Box<dyn Online>>,
     fallback: DdMhe,
     /// Whether the fallback can begin anywhere, so that it may rest as long as the body explains all.
     may_rest: bool,
@@ -58,10 +61,13 @@ struct Judged {
     worse: usize,
     /// Whether it consumes what is measured.
     stands_by: bool,
+    /// When a lag was tried last, and whether the run goes on with it.
+    tried: usize,
+    lags: bool,
 }
 
 impl Judged {
-    const NEW: Self = Judged { t: 0, score: 1.0, worse: 0, stands_by: true };
+    const NEW: Self = Judged { t: 0, score: 1.0, worse: 0, stands_by: true, tried: 0, lags: false };
 }
 
 impl Clone for RigidBodyMhe {
@@ -70,6 +76,7 @@ impl Clone for RigidBodyMhe {
             history: self.history.clone(),
             config: self.config.clone(),
             rigid: self.rigid.copy(),
+            plain: self.plain.as_ref().map(|own| own.copy()),
             fallback: self.fallback.clone(),
             may_rest: self.may_rest,
             estimate: self.estimate.clone(),
@@ -160,7 +167,7 @@ impl RigidBodyMhe {
         let anywhere = matches!(fallback.config().begins(), Start::Auto | Start::Unknown);
         let may_rest = anywhere && rigid.explained();
         let (history, estimate, run) = (history.clone(), Estimate::default(), Judged::NEW);
-        Ok(RigidBodyMhe { history, config, rigid, fallback, may_rest, estimate, run })
+        Ok(RigidBodyMhe { history, config, rigid, plain: None, fallback, may_rest, estimate, run })
     }
 
     /// Consumes y(t-1) (p numbers, NaN = this entry was not measured) and returns the estimate of
@@ -265,6 +272,9 @@ impl RigidBodyMhe {
     /// As [`DdMhe::reset`].
     pub fn reset(&mut self) -> Result<(), Error> {
         self.fallback.reset(None)?;
+        if let Some(plain) = self.plain.take() {
+            self.rigid = plain;
+        }
         self.rigid.restart();
         (self.estimate, self.run) = (Estimate::default(), Judged::NEW);
         Ok(())
@@ -312,39 +322,12 @@ impl RigidBodyMhe {
 
     /// What a user should know, in words; grows while it runs.
     pub fn warnings(&self) -> Vec<String> {
-        let why = |rest: &str| {
-            let report = self.rigid.report();
-            let first = report.and_then(|report| report.words.into_iter().next());
-            format!(
-                "{}: {rest}",
-                first.unwrap_or_else(|| match self.n() {
-                    3 => "no rigid body fits the recording".into(),
-                    n => format!("a recording of n = {n} states is of no body's three rates"),
-                })
-            )
-        };
-        let mut words = Vec::new();
-        match (self.explained(), self.rigid.is_rigid()) {
-            (true, true) => {}
-            (true, false) => words.push(
-                "outputs do what the body of the recording does not: the affine estimator has \
-                 taken over"
-                    .into(),
-            ),
-            (false, true) => words.push(why(
-                "it is nearer than an affine motion, and goes on with more noise than was recorded",
-            )),
-            (false, false) => words.push(why("the affine estimator stands in for it")),
-        }
-        if let Some(spread) = self.rigid.second_spread().filter(|spread| *spread < A_LINE) {
-            words.push(format!(
-                "recorded rates hardly spread in a second direction ({spread:.1} times their noise): \
-                 many bodies do that, and bars may be much too narrow"
-            ));
-        }
-        if self.rigid.doubted() {
+        let mut words = warnings(&*self.rigid, self.n());
+        if self.plain.is_some() {
             words.push(
-                "no estimate is trusted: no body explains all data, whatever their noise".into(),
+                "later outputs showed that they lag behind the motion: estimates before did not \
+                 know"
+                    .into(),
             );
         }
         if !self.rigid.is_rigid() {
@@ -377,6 +360,10 @@ impl RigidBodyMhe {
         let snapshot: Snapshot = from_bytes(Kind::RigidBody, blob)?;
         let fallback = DdMhe::restore(&snapshot.fallback)?;
         let mut own = RigidBodyMhe::new(&snapshot.history, snapshot.config, Some(fallback))?;
+        if snapshot.run.lags {
+            let lagging = lagging(&own.history, &own.config)?.ok_or_else(wrong)?;
+            own.plain = Some(std::mem::replace(&mut own.rigid, lagging));
+        }
         own.rigid.resume(&snapshot.rigid)?;
         if !snapshot.estimate.fits(own.n(), own.p()) {
             return Err(Error::value("blob", "an estimate of its sizes", "one of others"));
@@ -405,7 +392,7 @@ impl RigidBodyMhe {
             let worse = own > LOST.0 && own > 2.0 * self.run.score;
             self.run.worse = if worse { self.run.worse + 1 } else { 0 };
             if self.run.worse <= LOST.1 && self.rigid.advance(sample, &mut self.estimate) {
-                return Ok(());
+                return self.look_for_lag();
             }
             self.rigid.give_up();
         }
@@ -415,6 +402,27 @@ impl RigidBodyMhe {
         self.estimate.clone_from(self.fallback.estimate());
         if self.estimate.status != Status::Failed {
             self.estimate.status = Status::Affine;
+        }
+        Ok(())
+    }
+
+    /// Where no body explains all data any more: one whose outputs lag, if that does. It is made and
+    /// told all in this one step.
+    fn look_for_lag(&mut self) -> Result<(), Error> {
+        let (doubted, suspected) = (self.rigid.doubted(), self.rigid.suspects_lag());
+        let due = self.run.t >= 2 * self.run.tried && self.rigid.seeks_lag();
+        if !(due && (doubted || suspected)) {
+            return Ok(());
+        }
+        self.run.tried = self.run.t;
+        let Some(mut other) = lagging(&self.history, &self.config)? else { return Ok(()) };
+        let mut estimate = self.estimate.clone();
+        let explains = self.rigid.tell_all(&mut *other, &mut estimate) && other.refit();
+        let lag = other.report().and_then(|report| report.lag);
+        let is_sure = lag.is_some_and(|[lag, sd]| lag > CERTAIN * sd);
+        if explains && other.credible() && (doubted || is_sure) {
+            self.plain = Some(std::mem::replace(&mut self.rigid, other));
+            (self.estimate, self.run.lags) = (estimate, true);
         }
         Ok(())
     }

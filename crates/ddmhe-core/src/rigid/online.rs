@@ -1,10 +1,8 @@
 //! A run of the rigid body's estimator with at most P outputs.
 
+#[cfg(feature = "serde")]
 use crate::error::Error;
 use crate::estimate::{Estimate, Evidence, EvidenceKind};
-use crate::history::History;
-use crate::rigid::affine::affine_unknowns;
-use crate::rigid::config::{RigidConfig, is_of_rates};
 use crate::rigid::family::Fitted;
 use crate::rigid::ground::Ground;
 use crate::rigid::later::Later;
@@ -13,13 +11,13 @@ use crate::rigid::recording::widened;
 use crate::rigid::report::Report;
 #[cfg(feature = "serde")]
 use crate::rigid::saved::{Saved, wrong};
+use crate::rigid::suspicion::Suspicion;
 use ddmhe_run::rigid::anchoring::OPTIMA;
-use ddmhe_run::rigid::field::field_unknowns;
 use ddmhe_run::rigid::filter::DISAGREE;
-use ddmhe_run::rigid::layout::unknowns;
 use ddmhe_run::rigid::pass::Units;
 use ddmhe_run::rigid::small::{Matrix, Vector};
-use ddmhe_run::rigid::{Body, FieldBody, Innovation, Limits, Refit, Stepper};
+use ddmhe_run::rigid::stepper::slice;
+use ddmhe_run::rigid::{Innovation, Limits, Refit, Stepper};
 use ddmhe_run::{Reasons, Status};
 use std::sync::Arc;
 
@@ -42,10 +40,18 @@ pub(crate) trait Online: Send + Sync {
     fn retire(&mut self);
     /// Back to the recording's end.
     fn restart(&mut self);
+    /// Tells another run all that was measured, if that was kept; whether it foretells all of it.
+    fn tell_all(&self, other: &mut dyn Online, estimate: &mut Estimate) -> bool;
     /// Whether there is a motion.
     fn is_rigid(&self) -> bool;
     /// Whether a rigid body explains the recording.
     fn explained(&self) -> bool;
+    /// Whether outputs may be found to lag.
+    fn seeks_lag(&self) -> bool;
+    /// Whether the latest fit says that they do; once.
+    fn suspects_lag(&mut self) -> bool;
+    /// Whether it is credible where it explains all data.
+    fn credible(&self) -> bool;
     /// Whether none explains the data of the latest fits, not even with as much noise as it leaves.
     fn doubted(&self) -> bool;
     /// [`Recording::second_spread`](crate::rigid::recording::Recording::second_spread), of a body that
@@ -63,119 +69,33 @@ pub(crate) trait Online: Send + Sync {
     fn copy(&self) -> Box<dyn Online>;
 }
 
+/// Samples of a pass without a lag that take the time of one with it.
+const LAGGING: usize = 4;
+
+/// A run with at most P outputs.
 #[derive(Clone)]
-struct Run<M: Fitted<P, N>, const P: usize, const N: usize> {
+pub(crate) struct Run<M: Fitted<P, N>, const P: usize, const N: usize> {
     ground: Arc<Ground<M, P, N>>,
     stepper: Option<Stepper<M, P, N>>,
     later: Later<P>,
     /// What is known of all samples, and of the last two; nothing where nothing has to be.
     known: Vec<M::Known>,
     recent: Option<[M::Known; 2]>,
-}
-
-/// What a recording of other than three rates leaves.
-#[derive(Clone, Copy)]
-struct NoBody;
-
-impl Online for NoBody {
-    fn advance(&mut self, _: &Measured<'_>, _: &mut Estimate) -> bool {
-        false
-    }
-
-    fn limits(&self) -> Option<Limits> {
-        None
-    }
-
-    fn score(&self) -> f64 {
-        0.0
-    }
-
-    fn refit(&mut self) -> bool {
-        false
-    }
-
-    fn refit_while(&mut self, _: &mut dyn FnMut() -> bool) -> Option<bool> {
-        Some(false)
-    }
-
-    fn give_up(&mut self) {}
-
-    fn retire(&mut self) {}
-
-    fn restart(&mut self) {}
-
-    fn is_rigid(&self) -> bool {
-        false
-    }
-
-    fn explained(&self) -> bool {
-        false
-    }
-
-    fn doubted(&self) -> bool {
-        false
-    }
-
-    fn second_spread(&self) -> Option<f64> {
-        None
-    }
-
-    fn report(&self) -> Option<Report> {
-        None
-    }
-
-    #[cfg(feature = "serde")]
-    fn saved(&self) -> Saved {
-        Saved::default()
-    }
-
-    #[cfg(feature = "serde")]
-    fn resume(&mut self, _: &Saved) -> Result<(), Error> {
-        Ok(())
-    }
-
-    fn copy(&self) -> Box<dyn Online> {
-        Box::new(*self)
-    }
-}
-
-/// A new run, in the narrowest of three types that has room for the outputs: each is a quarter of a
-/// megabyte of machine code.
-///
-/// # Errors
-/// [`Error::Value`] for a recording of zeros.
-pub(crate) fn online(history: &History, config: &RigidConfig) -> Result<Box<dyn Online>, Error> {
-    fn of<const P: usize, const N: usize, const NA: usize>(
-        history: &History,
-        config: &RigidConfig,
-    ) -> Result<Box<dyn Online>, Error> {
-        Ok(Box::new(Run::<Body<P, N>, P, N>::new::<NA>(history, config)?))
-    }
-    if !is_of_rates(history) {
-        return Ok(Box::new(NoBody));
-    }
-    if config.field.is_some() {
-        type InField = FieldBody<3, { field_unknowns(3) }>;
-        return Ok(Box::new(Run::<InField, _, _>::new::<{ affine_unknowns(3) }>(history, config)?));
-    }
-    match history.p() {
-        1 => of::<1, { unknowns(1) }, { affine_unknowns(1) }>(history, config),
-        2 | 3 => of::<3, { unknowns(3) }, { affine_unknowns(3) }>(history, config),
-        _ => of::<6, { unknowns(6) }, { affine_unknowns(6) }>(history, config),
-    }
+    /// Whether outputs lag, where that is looked for.
+    suspicion: Option<Suspicion<P, N>>,
 }
 
 impl<M: Fitted<P, N>, const P: usize, const N: usize> Run<M, P, N> {
-    fn new<const NA: usize>(history: &History, config: &RigidConfig) -> Result<Self, Error> {
-        let ground = Ground::new::<NA>(history, config)?;
+    pub fn on(ground: Ground<M, P, N>) -> Self {
+        let suspicion = ground.seeks_lag.then_some(Suspicion::NEW);
         let stepper = ground.start();
         let room = if stepper.is_some() { ground.room() } else { 0 };
         let later = ground.nothing(room);
         let driven = if M::DRIVEN { ground.known.len() + room } else { 0 };
         let (known, recent) = (Vec::with_capacity(driven), None);
-        let mut run = Run { ground: Arc::new(ground), stepper, later, known, recent };
+        let mut run = Run { ground: Arc::new(ground), stepper, later, known, recent, suspicion };
         run.know_the_recording();
-        Ok(run)
+        run
     }
 
     /// Forgets what was known of later samples.
@@ -312,6 +232,10 @@ impl<M: Fitted<P, N>, const P: usize, const N: usize> Online for Run<M, P, N> {
         if foretold {
             let data = self.ground.data(&self.later, &self.known);
             stepper.anchor(&data, self.ground.limits.as_ref(), &self.ground.units);
+            if let Some(suspicion) = &mut self.suspicion {
+                let ground = &self.ground;
+                suspicion.ask(stepper, &data.singly(), suspected(ground), &ground.units);
+            }
         }
         let now = match &self.recent {
             Some([before, last]) => {
@@ -363,6 +287,17 @@ impl<M: Fitted<P, N>, const P: usize, const N: usize> Online for Run<M, P, N> {
         self.stepper = self.ground.start();
         self.later.clear();
         self.know_the_recording();
+        self.suspicion = self.ground.seeks_lag.then_some(Suspicion::NEW);
+    }
+
+    fn tell_all(&self, other: &mut dyn Online, estimate: &mut Estimate) -> bool {
+        let Later { outputs, rates, .. } = &self.later;
+        let all = self.stepper.as_ref().is_some_and(|stepper| stepper.t == outputs.len());
+        let mut samples = outputs.iter().enumerate().map(|(k, y)| {
+            let x = rates.get(k).map(|x| &x[..]);
+            Measured { y: &y[..self.ground.recording.p], x, field: None }
+        });
+        all && !M::DRIVEN && samples.all(|sample| other.advance(&sample, estimate))
     }
 
     fn is_rigid(&self) -> bool {
@@ -376,6 +311,22 @@ impl<M: Fitted<P, N>, const P: usize, const N: usize> Online for Run<M, P, N> {
     fn second_spread(&self) -> Option<f64> {
         let alone = self.is_rigid() && self.explained() && !M::DRIVEN;
         alone.then(|| self.ground.recording.second_spread())
+    }
+
+    fn seeks_lag(&self) -> bool {
+        self.ground.seeks_lag
+    }
+
+    fn suspects_lag(&mut self) -> bool {
+        self.suspicion.as_mut().is_some_and(|own| std::mem::take(&mut own.lags))
+    }
+
+    fn credible(&self) -> bool {
+        let leading = self.stepper.as_ref().and_then(|stepper| stepper.leading());
+        leading.is_some_and(|leading| {
+            let found = &leading.found;
+            found.motion.is_credible(&found.z, &found.P)
+        })
     }
 
     fn doubted(&self) -> bool {
@@ -394,7 +345,9 @@ impl<M: Fitted<P, N>, const P: usize, const N: usize> Online for Run<M, P, N> {
     fn saved(&self) -> Saved {
         let known = self.known.get(self.ground.recording.y.len()..).unwrap_or(&[]);
         let known = known.iter().chain(self.recent.iter().flatten()).flat_map(M::numbers);
-        Saved::of(self.stepper.as_ref(), &self.later, known.collect())
+        let mut saved = Saved::of(self.stepper.as_ref(), &self.later, known.collect());
+        saved.suspicion = self.suspicion.as_ref().map_or((0, 0), |own| (own.asked, own.calls));
+        saved
     }
 
     #[cfg(feature = "serde")]
@@ -407,11 +360,30 @@ impl<M: Fitted<P, N>, const P: usize, const N: usize> Online for Run<M, P, N> {
             let ground = &self.ground;
             let data = ground.data(&self.later, &self.known);
             saved.resume_work(stepper, &ground.recording, (&data, &ground.units))?;
+            if let Some(suspicion) = &mut self.suspicion {
+                let ((asked, calls), samples) = (saved.suspicion, suspected(ground));
+                if asked > stepper.t || calls > stepper.t {
+                    return Err(wrong());
+                }
+                *suspicion = Suspicion::NEW;
+                suspicion.asked = asked;
+                for _ in 0..calls {
+                    suspicion.ask(stepper, &data.singly(), samples, &ground.units);
+                }
+            }
         }
         Ok(())
     }
 
     fn copy(&self) -> Box<dyn Online> {
         Box::new(self.clone())
+    }
+}
+
+/// Of how many samples a step asks whether outputs lag.
+fn suspected<M: Fitted<P, N>, const P: usize, const N: usize>(ground: &Ground<M, P, N>) -> usize {
+    match ground.refit {
+        Some(Refit::Sliced) => (slice(ground.recording.p) / LAGGING).max(1),
+        _ => usize::MAX,
     }
 }

@@ -7,7 +7,7 @@ use crate::rigid::affine::{Affine, OUTPUT};
 use crate::rigid::config::RigidConfig;
 use crate::variation::{least_squares, noise_levels};
 use ddmhe_run::rigid::layout::{DRAG, DRAG_CUBIC, GAIN, INERTIA, TILT, offset, output_cubic};
-use ddmhe_run::rigid::motion::Steps;
+use ddmhe_run::rigid::motion::{Given, Steps};
 use ddmhe_run::rigid::{Body, Data, Earlier, Firsts, Start};
 use faer::{Mat, Side};
 
@@ -15,6 +15,8 @@ use faer::{Mat, Side};
 const TURN: f64 = 0.08;
 /// Outputs of a mean, at most.
 const MEAN: f64 = 10.0;
+/// One in so many samples of a recording is of its beginning.
+const BEGINNING: usize = 4;
 /// Faster than so many times the recording's W a motion runs away.
 const RUNS_AWAY: f64 = 30.0;
 /// Least noise, relative to a signal's size: it stands in for a recording without any.
@@ -134,6 +136,19 @@ impl<const P: usize> Recording<P> {
         })
     }
 
+    /// Without the outputs of the first quarter of each: sensors that lag may have been switched on
+    /// with the recording, and still forget how they began.
+    pub fn lose_beginnings(&mut self) {
+        let (mut rest, all) = (&mut self.y[..], self.lengths.clone());
+        for length in all {
+            let (own, later) = rest.split_at_mut(length);
+            own[..length / BEGINNING].fill([f64::NAN; P]);
+            rest = later;
+        }
+        let beginning = rest.len() / BEGINNING;
+        rest[..beginning].fill([f64::NAN; P]);
+    }
+
     /// Rates and outputs of the last recording.
     fn last(&self) -> (&[[f64; 3]], &[[f64; P]]) {
         let before: usize = self.lengths.iter().sum();
@@ -221,7 +236,7 @@ impl<const P: usize> Recording<P> {
                 z[GAIN + 2 * i + k] = (0..3).map(|l| C[(i, l)] * N0[l][k]).sum();
             }
         }
-        let motion = Body { b0, N0, W, steps: self.steps(), cubic, spread };
+        let motion = Body { b0, N0, given: Given { W, steps: self.steps(), cubic, spread } };
         Start { motion, z, firsts: self.firsts() }
     }
 
@@ -253,7 +268,8 @@ impl<const P: usize> Recording<P> {
         }
         spread[gains..gains + 3 * self.p].fill(SPREAD[2] * self.size / self.W);
         spread[offsets..offsets + self.p].fill(self.size);
-        let motion = Affine { steps: self.steps(), spread };
+        let given = Given { W: self.W, steps: self.steps(), cubic: false, spread };
+        let motion = Affine { given };
         Start { motion, z, firsts: self.firsts() }
     }
 }

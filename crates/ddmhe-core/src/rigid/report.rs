@@ -39,6 +39,9 @@ pub struct Report {
     /// The direction about which a turn shows in no output and is not braked, of length 1; NaN in a
     /// known field, which moves: none stays so.
     pub unseen: [f64; 3],
+    /// By how long the outputs lag behind the motion, and its standard deviation (s): of a body that
+    /// explains the data with a lag alone.
+    pub lag: Option<[f64; 2]>,
     /// All of it in sentences.
     pub words: Vec<String>,
 }
@@ -80,11 +83,12 @@ impl Report {
             inertia: inertia(&z[INERTIA..TILT]),
             inertia_std: inertia_std(covariance),
             unseen: best.motion.unseen(z).unwrap_or([f64::NAN; 3]),
+            lag: best.motion.lag(z, covariance),
             words: Vec::new(),
         };
         let recordings = best.firsts.rates().len() + 1;
         report.words =
-            report.sentences(best.misfit.explained(known), best.motion.is_cubic(), recordings);
+            report.sentences(best.misfit.explained(known), best.motion.given().cubic, recordings);
         report
     }
 
@@ -123,7 +127,10 @@ impl Report {
                  error along it but the motion, if the body is rigid"
             ),
         };
-        vec![first, second]
+        let third = self.lag.map(|[lag, sd]| {
+            format!("outputs lag behind the motion by {lag:.3} s, as those of a first-order sensor do (± {sd:.3})")
+        });
+        [first, second].into_iter().chain(third).collect()
     }
 }
 
@@ -135,7 +142,7 @@ fn optimum<M: Family<P, N>, const P: usize, const N: usize>(
         cost: f.cost,
         evidence: f.evidence,
         inertia: inertia(&f.z[INERTIA..TILT]),
-        cubic: f.motion.is_cubic(),
+        cubic: f.motion.given().cubic,
         probability,
     }
 }

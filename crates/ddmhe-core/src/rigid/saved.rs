@@ -28,6 +28,8 @@ pub(crate) struct Saved {
     ended: usize,
     unexplained: bool,
     work: SavedWork,
+    /// Of [`Suspicion`](crate::rigid::suspicion::Suspicion): what was asked, and how often.
+    pub suspicion: (usize, usize),
 }
 
 /// What goes on beside the filters.
@@ -75,6 +77,7 @@ impl Saved {
             ended: stepper.ended,
             unexplained: stepper.unexplained,
             work,
+            suspicion: (0, 0),
         }
     }
 
@@ -230,8 +233,8 @@ impl Reader<'_> {
 
 fn of_body<M: Family<P, N>, const P: usize, const N: usize>(motion: &M) -> Vec<f64> {
     let flag = |there: bool| f64::from(u8::from(there));
-    let flags = [flag(motion.is_cubic()), flag(motion.is_simulated())];
-    [&motion.frame()[..], &flags, motion.spread()].concat()
+    let flags = [flag(motion.given().cubic), flag(motion.is_simulated())];
+    [&motion.frame()[..], &flags, &motion.given().spread].concat()
 }
 
 fn read_body<M: Family<P, N>, const P: usize, const N: usize>(
@@ -241,10 +244,10 @@ fn read_body<M: Family<P, N>, const P: usize, const N: usize>(
 ) -> Option<M> {
     let mut motion = base.in_frame(&from.take()?);
     let [cubic, euler] = from.take()?;
-    motion = motion.with_cubic(cubic != 0.0);
-    *motion.steps_mut() =
-        Steps { substeps: if euler != 0.0 { 0 } else { steps.substeps }, ..steps };
-    *motion.spread_mut() = from.take()?;
+    let given = motion.given_mut();
+    given.cubic = M::MAY_BE_CUBIC && cubic != 0.0;
+    given.steps = Steps { substeps: if euler != 0.0 { 0 } else { steps.substeps }, ..steps };
+    given.spread = from.take()?;
     Some(motion)
 }
 

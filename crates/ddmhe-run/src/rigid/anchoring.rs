@@ -165,8 +165,13 @@ impl<M: Family<P, N>, const P: usize, const N: usize> Anchoring<M, P, N> {
     /// Another model where the best does not explain the data.
     fn judge(&mut self, data: &Data<'_, P, M::Known>) {
         match &self.found[0] {
-            Some(best) if !best.misfit.explained(self.known) && !best.motion.is_cubic() => {
-                let start = Start { motion: best.motion.with_cubic(true), ..best.start() };
+            Some(best)
+                if M::MAY_BE_CUBIC
+                    && !best.misfit.explained(self.known)
+                    && !best.motion.given().cubic =>
+            {
+                let mut start = best.start();
+                start.motion.given_mut().cubic = true;
                 (self.stage, self.fit) = (Stage::Cubic, self.of(&start, STEPS));
             }
             _ => self.settle(data),
@@ -202,7 +207,7 @@ fn fit_of<M: Family<P, N>, const P: usize, const N: usize>(
 /// -2 log of the probability at the optimum, but for what all have; nothing comes last.
 fn rank<M: Family<P, N>, const P: usize, const N: usize>(found: &Option<Posterior<M, N>>) -> f64 {
     let Some(f) = found else { return f64::INFINITY };
-    let priors: f64 = f.motion.spread()[3..].iter().map(|sd| libm::log(*sd)).sum();
+    let priors: f64 = f.motion.given().spread[3..].iter().map(|sd| libm::log(*sd)).sum();
     let euler = if f.motion.is_simulated() { EULER } else { 0.0 };
     f.cost + 2.0 * priors + euler
 }
@@ -215,7 +220,7 @@ pub fn other_offset<M: Family<P, N>, const P: usize, const N: usize>(
 ) -> Start<M, N> {
     let (mut start, p) = (found.start(), outputs(noise));
     let free = start.motion.has_offset(noise);
-    let spread = &mut start.motion.spread_mut()[M::OFFSETS..];
+    let spread = &mut start.motion.given_mut().spread[M::OFFSETS..];
     for (own, noise) in spread.iter_mut().zip(&noise[..p]) {
         *own = if free { OFFSET * noise } else { wide };
     }

@@ -2,7 +2,7 @@
 
 use crate::panels::Root;
 use crate::rigid::layout::{DRAG, DRAG_CUBIC, GAIN, INERTIA, TILT, offset, output_cubic, unknowns};
-use crate::rigid::motion::{Entry, Family, MOVING, Motion, Slopes, Steps};
+use crate::rigid::motion::{Entry, Family, Given, MOVING, Motion, Slopes};
 use crate::rigid::small::{Matrix, Vector, along_basis, cross, dot, inertia, inverse, times};
 use core::ops::Range;
 
@@ -17,15 +17,8 @@ pub struct Body<const P: usize, const N: usize> {
     pub b0: Vector,
     /// N0 (3 × 2): orthonormal, N0ᵀ b0 = 0.
     pub N0: [[f64; 2]; 3],
-    /// Root-mean-square rate W of the recording (rad/s).
-    pub W: f64,
-    /// How steps are made.
-    pub steps: Steps,
-    /// Whether drag and output have a cubic part; without one its two γ are 0 and nothing depends on
-    /// them.
-    pub cubic: bool,
-    /// Standard deviations of the prior (N); those of ω are not used.
-    pub spread: [f64; N],
+    /// What its fits are told.
+    pub given: Given<N>,
 }
 
 /// What the unknowns determine.
@@ -84,12 +77,8 @@ impl<const P: usize, const N: usize> Motion<P, N> for Body<P, N> {
     #[inline(always)]
     fn between((): &(), (): &(), _: f64) {}
 
-    fn steps(&self) -> Steps {
-        self.steps
-    }
-
-    fn spread(&self) -> &[f64; N] {
-        &self.spread
+    fn given(&self) -> &Given<N> {
+        &self.given
     }
 
     #[inline(always)]
@@ -107,7 +96,7 @@ impl<const P: usize, const N: usize> Motion<P, N> for Body<P, N> {
         let C = G.map(|g| plane.map(|n| g[0] * n[0] + g[1] * n[1]));
         let mut r = [0.0; P];
         r.copy_from_slice(&z[offset(P)..offset(P) + P]);
-        let gamma = |i: usize| if self.cubic { z[i] / (self.W * self.W) } else { 0.0 };
+        let gamma = |i: usize| self.given.of_cubic(z[i]);
         let (drag, seen) = (gamma(DRAG_CUBIC), gamma(output_cubic(P)));
         BodyParts { J, Ji, N: plane, NS, S, G, L, C, r, drag, seen }
     }
@@ -153,7 +142,7 @@ impl<const P: usize, const N: usize> Motion<P, N> for Body<P, N> {
         put(DRAG, times(&c.Ji, &[0, 1, 2].map(|i| -g * n[i][0] * v[0])));
         put(DRAG + 1, times(&c.Ji, &[0, 1, 2].map(|i| -g * (n[i][0] * v[1] + n[i][1] * v[0]))));
         put(DRAG + 2, times(&c.Ji, &[0, 1, 2].map(|i| -g * n[i][1] * v[1])));
-        let cubic = if self.cubic { n2 / (self.W * self.W) } else { 0.0 };
+        let cubic = self.given.of_cubic(n2);
         put(DRAG_CUBIC, drag.map(|v| v * cubic));
         slopes.iter_mut().for_each(|row| row[DRAG_CUBIC + 1..MOVING].fill(0.0));
         f
@@ -174,7 +163,7 @@ impl<const P: usize, const N: usize> Motion<P, N> for Body<P, N> {
         let g = 1.0 + c.seen * n2;
         let v = [0, 1].map(|k| n[0][k] * w[0] + n[1][k] * w[1] + n[2][k] * w[2]);
         let bw = dot(&self.b0, w);
-        let cubic = if self.cubic { n2 / (self.W * self.W) } else { 0.0 };
+        let cubic = self.given.of_cubic(n2);
         let mut rows = [[(0, 0.0); SEEN]; P];
         for (i, row) in rows.iter_mut().enumerate() {
             let along = dot(&c.C[i], w);
@@ -199,24 +188,8 @@ impl<const P: usize, const N: usize> Family<P, N> for Body<P, N> {
         [DRAG..DRAG_CUBIC, GAIN..GAIN + 2 * p].into_iter()
     }
 
-    fn steps_mut(&mut self) -> &mut Steps {
-        &mut self.steps
-    }
-
-    fn spread_mut(&mut self) -> &mut [f64; N] {
-        &mut self.spread
-    }
-
-    fn W(&self) -> f64 {
-        self.W
-    }
-
-    fn is_cubic(&self) -> bool {
-        self.cubic
-    }
-
-    fn with_cubic(&self, cubic: bool) -> Self {
-        Body { cubic, ..*self }
+    fn given_mut(&mut self) -> &mut Given<N> {
+        &mut self.given
     }
 
     /// The same body about its own unseen direction, β = 0: with N = N0' U by QR, S and G become

@@ -1,7 +1,7 @@
 //! The rigid body in a magnetic field that is known: what brakes it has turned or changed its magnet.
 
 use crate::rigid::layout::INERTIA;
-use crate::rigid::motion::{Entry, Family, MOVING, Motion, Slopes, Steps};
+use crate::rigid::motion::{Entry, Family, Given, MOVING, Motion, Slopes};
 use crate::rigid::small::{Matrix, Vector, along_basis, cross, dot, inertia, inverse, times};
 use core::ops::Range;
 
@@ -36,15 +36,8 @@ pub struct Field<const P: usize> {
 pub struct FieldBody<const P: usize, const N: usize> {
     /// κ where its unknown is 0.
     pub scale: f64,
-    /// Root-mean-square rate W of the recording (rad/s).
-    pub W: f64,
-    /// How steps are made.
-    pub steps: Steps,
-    /// Whether drag and output have a cubic part; without one its two γ are 0 and nothing depends on
-    /// them.
-    pub cubic: bool,
-    /// Standard deviations of the prior (N); those of ω are not used.
-    pub spread: [f64; N],
+    /// What its fits are told.
+    pub given: Given<N>,
 }
 
 /// What the unknowns determine.
@@ -72,14 +65,6 @@ fn along_entries(u: &Vector) -> [Vector; 6] {
     [[a, 0.0, 0.0], [b, a, 0.0], [c, 0.0, a], [0.0, b, 0.0], [0.0, c, b], [0.0, 0.0, c]]
 }
 
-impl<const P: usize, const N: usize> FieldBody<P, N> {
-    /// n / W² of a cubic part, if there is one.
-    #[inline(always)]
-    fn of_cubic(&self, n: f64) -> f64 {
-        if self.cubic { n / (self.W * self.W) } else { 0.0 }
-    }
-}
-
 impl<const P: usize, const N: usize> Motion<P, N> for FieldBody<P, N> {
     type Parts = FieldParts<P>;
     type Known = Field<P>;
@@ -94,12 +79,8 @@ impl<const P: usize, const N: usize> Motion<P, N> for FieldBody<P, N> {
         [0, 1, 2].map(|i| from.B[i] * (1.0 - share) + to.B[i] * share)
     }
 
-    fn steps(&self) -> Steps {
-        self.steps
-    }
-
-    fn spread(&self) -> &[f64; N] {
-        &self.spread
+    fn given(&self) -> &Given<N> {
+        &self.given
     }
 
     #[inline(always)]
@@ -114,8 +95,8 @@ impl<const P: usize, const N: usize> Motion<P, N> for FieldBody<P, N> {
             M: symmetric(&z[MAGNETIC..DRAG_CUBIC]),
             kappa: self.scale * libm::exp(z[GAIN]),
             r,
-            drag: self.of_cubic(z[DRAG_CUBIC]),
-            seen: self.of_cubic(z[OFFSET + P]),
+            drag: self.given.of_cubic(z[DRAG_CUBIC]),
+            seen: self.given.of_cubic(z[OFFSET + P]),
         }
     }
 
@@ -156,7 +137,7 @@ impl<const P: usize, const N: usize> Motion<P, N> for FieldBody<P, N> {
         for (k, of_u) in along_entries(&u).iter().enumerate() {
             put(MAGNETIC + k, cross(B, of_u).map(|v| g * v));
         }
-        let cubic = self.of_cubic(n2);
+        let cubic = self.given.of_cubic(n2);
         put(DRAG_CUBIC, drag.map(|v| v * cubic));
         slopes.iter_mut().for_each(|row| row[DRAG_CUBIC + 1..MOVING].fill(0.0));
         f
@@ -175,7 +156,7 @@ impl<const P: usize, const N: usize> Motion<P, N> for FieldBody<P, N> {
     #[inline(always)]
     fn rows(&self, c: &FieldParts<P>, known: &Field<P>, w: &Vector) -> [[Entry; SEEN]; P] {
         let (u, n2) = (cross(&known.B, w), dot(w, w));
-        let (g, cubic) = (1.0 + c.seen * n2, self.of_cubic(n2));
+        let (g, cubic) = (1.0 + c.seen * n2, self.given.of_cubic(n2));
         let (of_u, moment) = (along_entries(&u), times(&c.M, &u));
         let mut rows = [[(0, 0.0); SEEN]; P];
         for (i, (row, K)) in rows.iter_mut().zip(&known.K).enumerate() {
@@ -202,24 +183,8 @@ impl<const P: usize, const N: usize> Family<P, N> for FieldBody<P, N> {
         core::iter::once(MAGNETIC..DRAG_CUBIC)
     }
 
-    fn steps_mut(&mut self) -> &mut Steps {
-        &mut self.steps
-    }
-
-    fn spread_mut(&mut self) -> &mut [f64; N] {
-        &mut self.spread
-    }
-
-    fn W(&self) -> f64 {
-        self.W
-    }
-
-    fn is_cubic(&self) -> bool {
-        self.cubic
-    }
-
-    fn with_cubic(&self, cubic: bool) -> Self {
-        FieldBody { cubic, ..*self }
+    fn given_mut(&mut self) -> &mut Given<N> {
+        &mut self.given
     }
 
     fn rebased(&self, z: &[f64; N]) -> (Self, [f64; N]) {

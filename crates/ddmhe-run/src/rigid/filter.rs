@@ -80,8 +80,8 @@ impl<const P: usize, const N: usize> Filter<P, N> {
     pub fn new<M: Family<P, N>>(found: &Posterior<M, N>, noise: &[f64; P]) -> Self {
         let (motion, mut z) = (&found.motion, found.z);
         z[..3].copy_from_slice(&found.w);
-        let mut walk = *motion.spread();
-        walk[..3].fill(motion.W());
+        let mut walk = motion.given().spread;
+        walk[..3].fill(motion.given().W);
         let cap = walk.map(|v| v * v);
         let p = outputs(noise);
         for part in M::sized(p) {

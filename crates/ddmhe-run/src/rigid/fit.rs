@@ -212,7 +212,7 @@ impl<M: Motion<P, N> + Clone, const P: usize, const N: usize> Fit<M, P, N> {
             cost -= self.best.gain();
         }
         let determinant = factor.log_determinant() + earlier.log_determinant();
-        let spread = self.motion.spread();
+        let spread = &self.motion.given().spread;
         let priors: f64 = spread[3..].iter().map(|sd| libm::log(*sd)).sum();
         Some(Posterior {
             motion: self.motion.clone(),

@@ -23,6 +23,28 @@ pub struct Steps {
     pub limit: f64,
 }
 
+/// What fits of a motion are told beside its own numbers.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Given<const N: usize> {
+    /// Root-mean-square rate W of the recording (rad/s).
+    pub W: f64,
+    /// How steps are made.
+    pub steps: Steps,
+    /// Whether drag and output have a cubic part; without one its two γ are 0 and nothing depends on
+    /// them.
+    pub cubic: bool,
+    /// Standard deviations of the prior of θ, mean 0; those of ω are not used: it has none.
+    pub spread: [f64; N],
+}
+
+impl<const N: usize> Given<N> {
+    /// n / W² of a cubic part, if there is one.
+    #[inline(always)]
+    pub fn of_cubic(&self, n: f64) -> f64 {
+        if self.cubic { n / (self.W * self.W) } else { 0.0 }
+    }
+}
+
 /// A family of motions of N unknowns with P outputs.
 pub trait Motion<const P: usize, const N: usize> {
     /// What the unknowns determine.
@@ -42,11 +64,8 @@ pub trait Motion<const P: usize, const N: usize> {
     /// What moves the body that share of the way between two samples.
     fn between(from: &Self::Known, to: &Self::Known, share: f64) -> Self::Drive;
 
-    /// How steps are made.
-    fn steps(&self) -> Steps;
-
-    /// Standard deviations of the prior of θ, mean 0; those of ω are not used: it has none.
-    fn spread(&self) -> &[f64; N];
+    /// What its fits are told.
+    fn given(&self) -> &Given<N>;
 
     /// Everything that z determines.
     fn parts(&self, z: &[f64; N]) -> Self::Parts;
@@ -78,20 +97,11 @@ pub trait Family<const P: usize, const N: usize>: Motion<P, N> + Copy {
     /// Places of parameters that wander by a share of their common size, of p outputs.
     fn sized(p: usize) -> impl Iterator<Item = Range<usize>>;
 
-    /// How steps are made.
-    fn steps_mut(&mut self) -> &mut Steps;
+    /// Whether its drag and output may have a cubic part.
+    const MAY_BE_CUBIC: bool = true;
 
-    /// Standard deviations of the prior.
-    fn spread_mut(&mut self) -> &mut [f64; N];
-
-    /// Root-mean-square rate W of the recording (rad/s).
-    fn W(&self) -> f64;
-
-    /// Whether drag and output have a cubic part.
-    fn is_cubic(&self) -> bool;
-
-    /// The same with one, or without.
-    fn with_cubic(&self, cubic: bool) -> Self;
+    /// What its fits are told.
+    fn given_mut(&mut self) -> &mut Given<N>;
 
     /// The same motion in coordinates of its own.
     fn rebased(&self, z: &[f64; N]) -> (Self, [f64; N]);
@@ -105,17 +115,27 @@ pub trait Family<const P: usize, const N: usize>: Motion<P, N> + Copy {
     /// The direction about which no turn is braked or shows, of length 1, if there is one.
     fn unseen(&self, z: &[f64; N]) -> Option<Vector>;
 
+    /// By how long the outputs lag behind the motion, with its standard deviation (s), if they may.
+    fn lag(&self, _: &[f64; N], _: &[[f64; N]; N]) -> Option<[f64; 2]> {
+        None
+    }
+
+    /// Whether a motion is to be believed that explains all data.
+    fn is_credible(&self, _: &[f64; N], _: &[[f64; N]; N]) -> bool {
+        true
+    }
+
     /// What would be known of the sample after the last two, if it went on as before.
     fn ahead(before: &Self::Known, last: &Self::Known) -> Self::Known;
 
     /// Whether offsets of the outputs are free; else they are within a tenth of the noise.
     fn has_offset(&self, noise: &[f64; P]) -> bool {
-        self.spread()[Self::OFFSETS] > noise[0]
+        self.given().spread[Self::OFFSETS] > noise[0]
     }
 
     /// Whether it is made by Euler's forward rule: a simulation, not a body.
     fn is_simulated(&self) -> bool {
-        self.steps().substeps == 0
+        self.given().steps.substeps == 0
     }
 }
 
@@ -137,7 +157,7 @@ pub fn flow<const P: usize, const N: usize, M: Motion<P, N>>(
     samples: f64,
     mut w: Vector,
 ) -> Option<Moved> {
-    let Steps { dt, substeps, limit } = motion.steps();
+    let Steps { dt, substeps, limit } = motion.given().steps;
     if substeps == 0 {
         let w = ahead(&w, dt, &motion.rate(parts, &M::between(from, to, 0.0), &w), limit)?;
         return Some(Moved { w, bent: [0.0; 3] });
@@ -166,7 +186,7 @@ pub fn flow_with_slopes<const P: usize, const N: usize, M: Motion<P, N>>(
     mut w: Vector,
     out: &mut Slopes,
 ) -> Option<Moved> {
-    let Steps { dt, substeps, limit } = motion.steps();
+    let Steps { dt, substeps, limit } = motion.given().steps;
     if substeps == 0 {
         let f = motion.slope(parts, &M::between(from, to, 0.0), &w, out);
         *out = from_identity(dt, out);
@@ -231,7 +251,7 @@ fn chain(c: f64, A: &mut Slopes, B: &Slopes) {
 
 /// The derivative of a step that follows another.
 #[inline(always)]
-fn after(own: &Slopes, before: &Slopes) -> Slopes {
+pub(super) fn after(own: &Slopes, before: &Slopes) -> Slopes {
     let mut out = *own;
     for (row, own) in out.iter_mut().zip(own) {
         row[..3].fill(0.0);

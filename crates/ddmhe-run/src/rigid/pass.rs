@@ -114,7 +114,7 @@ impl<const P: usize, const N: usize> Pass<P, N> {
     /// At z, with the prior's rows.
     pub fn begin<M: Motion<P, N>>(&mut self, motion: &M, z: &[f64; N], firsts: &Firsts) {
         *self = Self::at(z, firsts);
-        let spread = motion.spread();
+        let spread = &motion.given().spread;
         for i in 3..N {
             let (unit, e) = (1.0 / spread[i], -z[i] / spread[i]);
             self.cost += e * e;
@@ -155,7 +155,7 @@ impl<const P: usize, const N: usize> Pass<P, N> {
         (end, samples): (usize, usize),
         most: f64,
     ) -> bool {
-        let (parts, dt) = (motion.parts(&self.z), motion.steps().dt);
+        let (parts, dt) = (motion.parts(&self.z), motion.given().steps.dt);
         let (mut own, mut until) = data.part(self.part, end);
         for _ in 0..samples {
             if self.next < own.x.len() {
@@ -212,7 +212,7 @@ impl<const P: usize, const N: usize> Pass<P, N> {
         (end, samples): (usize, usize),
         most: f64,
     ) -> bool {
-        let (parts, dt) = (motion.parts(&self.z), motion.steps().dt);
+        let (parts, dt) = (motion.parts(&self.z), motion.given().steps.dt);
         let square = |v: f64, by: f64| if v.is_finite() { (v / by) * (v / by) } else { 0.0 };
         let (mut own, mut until) = data.part(self.part, end);
         for _ in 0..samples {
