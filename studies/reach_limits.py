@@ -20,7 +20,8 @@ def of_the_paper():
     """The paper's target after six recordings with noise: errors (deg/s), shares within two
     deviations."""
     x, y = tumbled(stacked([ddmhe.models.detumbling()]))
-    logs, rows = everywhere(both, [(noisy(x[:, 0], y[:, 0], k, LEVEL), True) for k in range(6)]), []
+    cases = [noisy(x[:, 0], y[:, 0], k, LEVEL) for k in range(6)]
+    logs, rows = everywhere(both, [(case, stated(case)) for case in cases]), []
     for k, (affine, rigid, _) in enumerate(logs):
         rows.append((str(k), *map("{:.2g}".format, [*rigid.rms, *affine.rms[2:]]),
                      f"{rigid.within:.2f}"))  # fmt: skip
@@ -44,7 +45,7 @@ def pushed(along) -> list[Case]:
 
 def unseen():
     """Pushes about the unseen direction and across it."""
-    jobs = [(case, True) for along in (True, False) for case in pushed(along)]
+    jobs = [(case, stated(case)) for along in (True, False) for case in pushed(along)]
     logs, rows = everywhere(both, jobs), []
     for about in ("the unseen direction", "a direction across"):
         own = [next(logs)[1] for _ in SEEDS]

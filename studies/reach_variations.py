@@ -139,11 +139,18 @@ def cases(change: Change, x, y) -> list[Case]:
     return made
 
 
+def settings(case: Case, change: Change) -> dict:
+    """Of RigidBodyMhe."""
+    lag = dict(output_lag=True) if change.feared else {}
+    return (stated(case) if change.told else {}) | lag
+
+
 def both(job):
-    """What DdMhe and RigidBodyMhe make of a case, and whether a body explains the recording."""
-    case, told, feared = job
-    affine = ddmhe.DdMhe(case.history, **(dict(output_noise=case.noise[2]) if told else {}))
-    settings = (stated(case) if told else {}) | (dict(output_lag=True) if feared else {})
+    """What DdMhe and RigidBodyMhe make of a case, with settings of the latter, and whether a body
+    explains the recording."""
+    case, settings = job
+    noise = {name: settings[name] for name in ("output_noise",) if name in settings}
+    affine = ddmhe.DdMhe(case.history, **noise)
     rigid = ddmhe.RigidBodyMhe(case.history, **settings)
     found = [judged(estimator.run(case.Y), case) for estimator in (affine, rigid)]
     rigid.reset()
@@ -158,7 +165,7 @@ def changed():
     """A row for each change."""
     sets = [cases(*parts) for parts in zip(CHANGES, *simulated(CHANGES), strict=True)]
     together = zip(CHANGES, sets, strict=True)
-    jobs = [(c, change.told, change.feared) for change, own in together for c in own]
+    jobs = [(case, settings(case, change)) for change, own in together for case in own]
     made, rows = everywhere(both, jobs), []
     for change, own in zip(CHANGES, sets, strict=True):
         affine, rigid, explained = zip(*(next(made) for _ in own), strict=True)
