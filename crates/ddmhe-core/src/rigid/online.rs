@@ -369,6 +369,9 @@ impl<M: Fitted<P, N>, const P: usize, const N: usize> Online for Run<M, P, N> {
                 suspicion.asked = asked;
                 for _ in 0..calls {
                     suspicion.ask(stepper, &data.singly(), samples, &ground.units);
+                    if suspicion.calls == 0 {
+                        return Err(wrong()); // it had ended
+                    }
                 }
             }
         }

@@ -153,7 +153,9 @@ impl Saved {
                 let fits = Anchoring::new(read.into_iter(), *end, settings, manner);
                 let mut fits = fits.ok_or_else(wrong)?;
                 for _ in 0..*calls {
-                    fits.advance(data, slice(recording.p), units);
+                    if fits.advance(data, slice(recording.p), units) {
+                        return Err(wrong()); // ended fits are no work
+                    }
                 }
                 Some(Work::Fits(fits, *calls))
             }
@@ -288,4 +290,65 @@ fn posterior<M: Family<P, N>, const P: usize, const N: usize>(
     let [cost, evidence] = from.take()?;
     let misfit = Misfit { chi: from.take()?, terms: from.take()? };
     Some(Posterior { motion, z, firsts, w, P: covariance, cost, evidence, misfit })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{Saved, SavedWork};
+    use crate::history::History;
+    use crate::rigid::config::{Refits, RigidConfig};
+    use crate::rigid::made::online;
+    use crate::rigid::measured::Measured;
+    use crate::rigid::online::{Online, blank};
+
+    /// Rates and outputs of a body that is braked about two of its axes, by Euler's rule.
+    fn body(count: usize) -> (Vec<f64>, Vec<f64>) {
+        let (mut w, mut x, mut y) = ([0.2, 0.15, -0.1], Vec::new(), Vec::new());
+        for _ in 0..count {
+            x.extend(w);
+            y.extend([3.0 * w[0] + w[1], w[1] - 2.0 * w[0], 0.5 * w[0]]);
+            for _ in 0..100 {
+                let f = [
+                    (-0.2 * w[1] * w[2] - 0.02 * w[0]) / 0.8,
+                    0.4 * w[2] * w[0] - 0.01 * w[1],
+                    -0.2 * w[0] * w[1] / 1.2,
+                ];
+                (0..3).for_each(|i| w[i] += 0.001 * f[i]);
+            }
+        }
+        (x, y)
+    }
+
+    /// Runs, one with each kind of work beside its filters, as they were saved.
+    fn runs() -> (Box<dyn Online>, Vec<Saved>) {
+        let (x, y) = body(500);
+        let history = History::new(3, 3, &x[..3 * 151], &y[..3 * 150], 0.1).unwrap();
+        let config = RigidConfig { refit: Refits::Sliced, ..RigidConfig::default() };
+        let (mut run, mut estimate) = (online(&history, &config).unwrap(), blank(3));
+        let (mut fits, mut asked) = (None, None);
+        for y in y[450..].chunks_exact(3) {
+            assert!(run.advance(&Measured { y, ..Measured::default() }, &mut estimate));
+            let saved = run.saved();
+            if matches!(&saved.work, SavedWork::Fits(_, _, calls, ..) if *calls > 0) {
+                fits = Some(saved);
+            } else if saved.suspicion.1 > 0 {
+                asked = Some(saved);
+            }
+        }
+        (run, vec![fits.unwrap(), asked.unwrap()])
+    }
+
+    #[test]
+    fn work_that_would_have_ended_is_refused_at_once() {
+        let (mut run, saved) = runs();
+        for mut saved in saved {
+            run.resume(&saved).unwrap();
+            saved.t = usize::MAX / 4;
+            match &mut saved.work {
+                SavedWork::Fits(_, _, calls, ..) => *calls = usize::MAX / 4,
+                _ => saved.suspicion.1 = usize::MAX / 4,
+            }
+            assert!(run.resume(&saved).is_err());
+        }
+    }
 }
