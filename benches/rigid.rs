@@ -1,5 +1,5 @@
-//! Time of one step of the rigid body's estimator: its filter, with fits in slices beside it, and the
-//! affine estimator that stands by.
+//! Time of one step of the rigid body's estimator: its filter, with fits in slices beside it, and
+//! the affine estimator that stands by.
 
 use criterion::{Criterion, criterion_group, criterion_main};
 use ddmhe_core::rigid::{Refits, RigidConfig};
@@ -16,8 +16,8 @@ fn noise(k: usize) -> f64 {
     2.0 * (v - v.floor()) - 1.0
 }
 
-/// A tumbling body that is braked about two of its axes, in 50 small steps of Euler's rule a sample:
-/// rates and outputs.
+/// A tumbling body that is braked about two of its axes, in 50 small steps of Euler's rule a
+/// sample: rates and outputs.
 fn tumbling() -> (Vec<f64>, Vec<f64>) {
     let J = [0.8, 1.0, 1.2];
     let (mut w, mut x, mut y) = ([0.2, 0.15, -0.1], Vec::new(), Vec::new());

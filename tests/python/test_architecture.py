@@ -135,6 +135,19 @@ def test_crates_depend_one_way():
     assert not any("ddmhe-py" in needed for needed in found.values())
 
 
+def test_files_are_short_and_narrow():
+    """At most 450 lines, of 100 characters in Rust, where rustfmt leaves comments as they are; of
+    Python ruff sees to it."""
+    folders = ("benches", "crates", "examples", "python", "studies", "tests")
+    found = [
+        f"{path.relative_to(ROOT)}:{k}"
+        for path in (p for f in folders for s in ("*.rs", "*.py") for p in (ROOT / f).rglob(s))
+        for k, line in enumerate(path.read_text(encoding="utf-8").splitlines(), 1)
+        if (k > 450 or (path.suffix == ".rs" and len(line) > 100)) and "target" not in path.parts
+    ]
+    assert not found
+
+
 def test_a_circle_is_found():
     assert circle({"a": {"b"}, "b": {"c"}, "c": set()}) is None
     assert set(circle({"a": {"b"}, "b": {"c"}, "c": {"a"}})) == {"a", "b", "c"}

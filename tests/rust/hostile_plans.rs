@@ -81,7 +81,8 @@ fn small_plans() -> Vec<Vec<u8>> {
     configs().into_iter().filter(open).map(short).map(plan).collect()
 }
 
-/// Bits flipped and sizes changed at random, more often where sizes are, under a checksum that fits.
+/// Bits flipped and sizes changed at random, more often where sizes are, under a checksum that
+/// fits.
 fn fuzz(rounds: usize, seed: u64) {
     let plans = small_plans();
     let mut rng = ChaCha8Rng::seed_from_u64(seed);

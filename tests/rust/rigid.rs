@@ -119,8 +119,8 @@ fn the_affine_estimator_rests_and_takes_over_where_outputs_are_no_body_s() {
     };
     let mut mhe = RigidBodyMhe::new(&history, config, None).unwrap();
     assert!(mhe.explained());
-    // the body goes on for a while, then every torque is turned about and so large that a body would
-    // have to turn faster than any step could follow: a linear motion, but of no body
+    // the body goes on for a while, then every torque is turned about and so large that a body
+    // would have to turn faster than any step could follow: a linear motion, but of no body
     let turned = 100;
     let outputs: Vec<Vec<f64>> = later
         .chunks_exact(3)

@@ -45,8 +45,8 @@ impl System {
         (x, y)
     }
 
-    /// The same moved by two inputs (T·2): the first pushes the first state and is seen in the first
-    /// output, the second pushes all states.
+    /// The same moved by two inputs (T·2): the first pushes the first state and is seen in the
+    /// first output, the second pushes all states.
     pub fn driven(&self, start: &[f64], u: &[f64]) -> (Vec<f64>, Vec<f64>) {
         let (mut x, mut y, mut state) = (start.to_vec(), Vec::new(), start.to_vec());
         for u in u.chunks_exact(2) {

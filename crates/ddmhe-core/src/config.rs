@@ -43,8 +43,8 @@ pub enum Weighting {
     /// rescaling a channel changes nothing.
     Scaled,
     /// Those of the recording: the noise R of its outputs, the disturbance Q between its states and
-    /// the error covariance P that a Kalman filter settles to with them; ρ = 1, no μ, and windows of
-    /// the recording's linear model.
+    /// the error covariance P that a Kalman filter settles to with them; ρ = 1, no μ, and windows
+    /// of the recording's linear model.
     Recorded,
 }
 
@@ -201,10 +201,11 @@ pub struct Config {
     /// What is known of the true trajectory: with a certificate, each estimate then carries an
     /// error bound.
     pub disturbance: Option<Disturbance>,
-    /// Standard deviation of the noise of later outputs (p, or one for all); None: what the recording
-    /// has. Evidence alone uses it.
+    /// Standard deviation of the noise of later outputs (p, or one for all); None: what the
+    /// recording has. Evidence alone uses it.
     pub output_noise: Option<Vec<f64>>,
-    /// Covariance (n·n, by rows) that a sample adds to the error of states which outputs do not show.
+    /// Covariance (n·n, by rows) that a sample adds to the error of states which outputs do not
+    /// show.
     pub drift: Option<Vec<f64>>,
     /// Whether estimates carry evidence: a covariance, and reasons not to trust them.
     pub evidence: bool,

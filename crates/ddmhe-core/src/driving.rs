@@ -1,8 +1,8 @@
 //! Process disturbance (Remark 1): how ŵ(k) between x(k) and x(k+1) moves a window, and what it
 //! costs.
 //!
-//! With the model x(k+1) = A x(k) + … + w(k), y = C x + … of a recording and L Lᵀ = Q the covariance
-//! of w, a window is w = c + B a + G d with
+//! With the model x(k+1) = A x(k) + … + w(k), y = C x + … of a recording and L Lᵀ = Q the
+//! covariance of w, a window is w = c + B a + G d with
 //!
 //! > G\[x(k), j\] = A^{k-1-j} L,  G\[y(k), j\] = C A^{k-1-j} L  for j < k, else 0,
 //!
@@ -11,8 +11,8 @@
 //! recording.
 //!
 //! *Blocks.* Where d is constant over b instants it has the covariance Q/b, so that the sum over a
-//! block has that of b single ones: r grows by n⌈m/b⌉ and not by n m. The last block of a window may
-//! be shorter.
+//! block has that of b single ones: r grows by n⌈m/b⌉ and not by n m. The last block of a window
+//! may be shorter.
 
 use crate::error::Error;
 use crate::linear_model::LinearModel;

@@ -145,8 +145,8 @@ impl ErrorBound {
     }
 
     /// The bound on ‖x̂(t) - x(t)‖ from the window x̂(·|t) ((m+1)·n), its outputs by entry with
-    /// their fitted noise (m·p, NaN where not measured), its inputs by entry, and the past estimates
-    /// of the same times by entry (the prior first), all in the user's units.
+    /// their fitted noise (m·p, NaN where not measured), its inputs by entry, and the past
+    /// estimates of the same times by entry (the prior first), all in the user's units.
     pub fn advance(
         &mut self,
         window: &[f64],

@@ -52,7 +52,8 @@ pub struct Evidence {
     pub value: f64,
     /// What that is novel above.
     pub limit: f64,
-    /// What the newest output differs by from what all others say it is (p); NaN where not measured.
+    /// What the newest output differs by from what all others say it is (p); NaN where not
+    /// measured.
     pub innovation: Vec<f64>,
     /// Variance of that (p).
     pub innovation_variance: Vec<f64>,

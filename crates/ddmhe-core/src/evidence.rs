@@ -6,11 +6,12 @@
 //! > Q₀ = C (Σ e eᵀ) C / Σ s(v),  C = diag c_i,  c_i = max(1, q_.997(|e_i| / √(s(v) Q₀ᵢᵢ)) / 3)
 //!
 //! so that 3 √(s Q₀ᵢᵢ) holds 99.7 % of the held-out errors; the variances of the innovations alike.
-//! A window is novel above three times the largest V, or J, of these. Their root-mean-square error is
-//! what the recording promises, state by state.
+//! A window is novel above three times the largest V, or J, of these. Their root-mean-square error
+//! is what the recording promises, state by state.
 //!
-//! *Stated noise* beyond the recording's, of covariance R, adds Γ (I ⊗ R) Γᵀ to Q₀ with Γ: y → x̂(t),
-//! and its mean to V₀. An exact recording shows no noise: with stated noise Q₀ and V₀ are these alone.
+//! *Stated noise* beyond the recording's, of covariance R, adds Γ (I ⊗ R) Γᵀ to Q₀ with Γ: y →
+//! x̂(t), and its mean to V₀. An exact recording shows no noise: with stated noise Q₀ and V₀ are
+//! these alone.
 //!
 //! *The weights of the recording* need no windows that are held out: see [`model`].
 
@@ -176,8 +177,8 @@ fn away(history: &History, scaling: &Scaling) -> Mat<f64> {
     own.inverse * faer::Scale(1.0 / most)
 }
 
-/// How held-out errors grow with the time since what they were made from: 2q, .1 T and T, q = 0 where
-/// they do not. Thirds of a stretch of .2 T lie at 1 : 5, so g = 5^q.
+/// How held-out errors grow with the time since what they were made from: 2q, .1 T and T, q = 0
+/// where they do not. Thirds of a stretch of .2 T lie at 1 : 5, so g = 5^q.
 fn growth(
     history: &History,
     scaling: &Scaling,
@@ -340,7 +341,8 @@ fn is_exact(scaling: &Scaling) -> bool {
     scaling.misfit(&scaling.one_step).into_iter().fold(0.0, f64::max) < EXACT
 }
 
-/// Variances of stated noise beyond what the recording has, in scaled units (p); none stated: zeros.
+/// Variances of stated noise beyond what the recording has, in scaled units (p); none stated:
+/// zeros.
 pub(crate) fn stated_beyond(config: &Config, scaling: &Scaling) -> Vec<f64> {
     let p = scaling.s_y.len();
     let Some(stated) = &config.output_noise else {

@@ -120,8 +120,9 @@ impl<'a> Filters<'a> {
         self.config.resolved(self.config.start, true)
     }
 
-    /// Spectral radius of setting `k` and its estimates (N·n) of outputs (N·p) and inputs (N·m), from
-    /// a prior if it starts from a state; None if it cannot be used, or if a number is out of reach.
+    /// Spectral radius of setting `k` and its estimates (N·n) of outputs (N·p) and inputs (N·m),
+    /// from a prior if it starts from a state; None if it cannot be used, or if a number is out of
+    /// reach.
     pub fn run(
         &self,
         k: usize,

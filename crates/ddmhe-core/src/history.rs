@@ -81,7 +81,8 @@ impl History {
     /// ```
     /// # use ddmhe_core::*;
     /// # // x(t+1) = 0.9 x(t) + 1, y = 2 x
-    /// # let x: Vec<f64> = std::iter::successors(Some(0.0), |x| Some(0.9 * x + 1.0)).take(61).collect();
+    /// # let x: Vec<f64> =
+    /// #     std::iter::successors(Some(0.0), |x| Some(0.9 * x + 1.0)).take(61).collect();
     /// # let y: Vec<f64> = x[..60].iter().map(|x| 2.0 * x).collect();
     /// let history = History::new(1, 1, &x[..31], &y[..30], 0.1)?; // one state more than outputs
     /// assert_eq!((history.n(), history.p(), history.T()), (1, 1, 30));
@@ -178,7 +179,8 @@ impl History {
     /// ```
     /// # use ddmhe_core::*;
     /// # // x(t+1) = 0.9 x(t) + 1, y = 2 x
-    /// # let x: Vec<f64> = std::iter::successors(Some(0.0), |x| Some(0.9 * x + 1.0)).take(61).collect();
+    /// # let x: Vec<f64> =
+    /// #     std::iter::successors(Some(0.0), |x| Some(0.9 * x + 1.0)).take(61).collect();
     /// # let y: Vec<f64> = x[..60].iter().map(|x| 2.0 * x).collect();
     /// let history = History::new(1, 1, &x[..31], &y[..30], 0.1)?.with_units(&["m"], &["N"])?;
     /// assert_eq!(history.x_units(), ["m"]);
@@ -228,7 +230,8 @@ impl History {
     /// ```
     /// # use ddmhe_core::*;
     /// # // x(t+1) = 0.9 x(t) + 1, y = 2 x
-    /// # let x: Vec<f64> = std::iter::successors(Some(0.0), |x| Some(0.9 * x + 1.0)).take(61).collect();
+    /// # let x: Vec<f64> =
+    /// #     std::iter::successors(Some(0.0), |x| Some(0.9 * x + 1.0)).take(61).collect();
     /// # let y: Vec<f64> = x[..60].iter().map(|x| 2.0 * x).collect();
     /// let first = History::new(1, 1, &x[..21], &y[..20], 0.1)?;
     /// let second = History::new(1, 1, &x[..31], &y[..30], 0.1)?;

@@ -96,8 +96,8 @@ impl InputWatch {
         let moved = seen.moved.iter().enumerate().filter_map(|(i, t)| {
             let since = since((*t)?, dt);
             Some(format!(
-                "input {i} (counted from 0) moves {since}, which it never did in the recording: its \
-                effect is unknown and it is ignored"
+                "input {i} (counted from 0) moves {since}, which it never did in the recording: \
+                its effect is unknown and it is ignored"
             ))
         });
         let left = seen.left.iter().enumerate().filter_map(|(i, t)| {

@@ -51,9 +51,10 @@ impl LinearModel {
         LinearModel::of(&rows, [n, p, m], [&before, &after], (residuals, unknowns))
     }
 
-    /// The same of a recording without inputs whose states carry much reading noise: least squares on
-    /// noisy states damp every mode. Here the model is what takes the n strongest directions of the
-    /// recorded windows from each of their instants to the next, in which the noise is averaged.
+    /// The same of a recording without inputs whose states carry much reading noise: least squares
+    /// on noisy states damp every mode. Here the model is what takes the n strongest directions of
+    /// the recorded windows from each of their instants to the next, in which the noise is
+    /// averaged.
     pub fn of_windows(&self, history: &History, scaling: &Scaling) -> Self {
         let (n, p) = (history.n(), history.p());
         let step = n + p;
@@ -151,7 +152,8 @@ fn scaled_steps(history: &History, scaling: &Scaling) -> Steps {
     Steps { regressors, targets }
 }
 
-/// The recorded windows of [`DEPTH`], a row each, centred, in units of each channel's own deviation.
+/// The recorded windows of [`DEPTH`], a row each, centred, in units of each channel's own
+/// deviation.
 fn windows(history: &History, scaling: &Scaling, own: &[f64]) -> Mat<f64> {
     let (n, p) = (history.n(), history.p());
     let mut rows: Vec<Vec<f64>> = Vec::new();

@@ -22,7 +22,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 /// ```
 /// # use ddmhe_core::*;
 /// # // x(t+1) = 0.9 x(t) + 1, y = 2 x
-/// # let x: Vec<f64> = std::iter::successors(Some(0.0), |x| Some(0.9 * x + 1.0)).take(61).collect();
+/// # let x: Vec<f64> =
+/// #     std::iter::successors(Some(0.0), |x| Some(0.9 * x + 1.0)).take(61).collect();
 /// # let y: Vec<f64> = x[..60].iter().map(|x| 2.0 * x).collect();
 /// # let history = History::new(1, 1, &x[..31], &y[..30], 0.1)?;
 /// let mut estimators = vec![DdMhe::new(&history, Config::default())?; 2];
@@ -56,7 +57,8 @@ pub fn run_many(
 /// ```
 /// # use ddmhe_core::*;
 /// # // x(t+1) = 0.9 x(t) + 1, y = 2 x
-/// # let x: Vec<f64> = std::iter::successors(Some(0.0), |x| Some(0.9 * x + 1.0)).take(61).collect();
+/// # let x: Vec<f64> =
+/// #     std::iter::successors(Some(0.0), |x| Some(0.9 * x + 1.0)).take(61).collect();
 /// # let y: Vec<f64> = x[..60].iter().map(|x| 2.0 * x).collect();
 /// # let history = History::new(1, 1, &x[..31], &y[..30], 0.1)?;
 /// let estimator = DdMhe::new(&history, Config::default())?;

@@ -80,10 +80,12 @@ impl DdMhe {
     /// ```
     /// # use ddmhe_core::*;
     /// # // x(t+1) = 0.9 x(t) + 1, y = 2 x
-    /// # let x: Vec<f64> = std::iter::successors(Some(0.0), |x| Some(0.9 * x + 1.0)).take(61).collect();
+    /// # let x: Vec<f64> =
+    /// #     std::iter::successors(Some(0.0), |x| Some(0.9 * x + 1.0)).take(61).collect();
     /// # let y: Vec<f64> = x[..60].iter().map(|x| 2.0 * x).collect();
     /// # let history = History::new(1, 1, &x[..31], &y[..30], 0.1)?;
-    /// let config = Config { x_bounds: Some(Bounds { lo: vec![0.0], hi: vec![20.0] }), ..Config::default() };
+    /// let bounds = Bounds { lo: vec![0.0], hi: vec![20.0] };
+    /// let config = Config { x_bounds: Some(bounds), ..Config::default() };
     /// let estimator = DdMhe::new(&history, config)?;
     /// assert!(estimator.spectral_radius() < 1.0);
     /// # Ok::<(), Error>(())
@@ -109,7 +111,8 @@ impl DdMhe {
     /// ```
     /// # use ddmhe_core::*;
     /// # // x(t+1) = 0.9 x(t) + 1, y = 2 x
-    /// # let x: Vec<f64> = std::iter::successors(Some(0.0), |x| Some(0.9 * x + 1.0)).take(61).collect();
+    /// # let x: Vec<f64> =
+    /// #     std::iter::successors(Some(0.0), |x| Some(0.9 * x + 1.0)).take(61).collect();
     /// # let y: Vec<f64> = x[..60].iter().map(|x| 2.0 * x).collect();
     /// # let history = History::new(1, 1, &x[..31], &y[..30], 0.1)?;
     /// let config = Config { start: Start::Recording, ..Config::default() };
@@ -138,12 +141,14 @@ impl DdMhe {
     /// ```
     /// # use ddmhe_core::*;
     /// # // x(t+1) = 0.9 x(t) + 1, y = 2 x
-    /// # let x: Vec<f64> = std::iter::successors(Some(0.0), |x| Some(0.9 * x + 1.0)).take(61).collect();
+    /// # let x: Vec<f64> =
+    /// #     std::iter::successors(Some(0.0), |x| Some(0.9 * x + 1.0)).take(61).collect();
     /// # let y: Vec<f64> = x[..60].iter().map(|x| 2.0 * x).collect();
     /// # let history = History::new(1, 1, &x[..31], &y[..30], 0.1)?;
     /// let mut estimator = DdMhe::new(&history, Config::default())?;
     /// let box_now = Bounds { lo: vec![9.0], hi: vec![9.6] }; // of this step alone
-    /// let estimate = estimator.step_with(Step { y: &y[30..31], u: &[], x_bounds: Some(&box_now) })?;
+    /// let step = Step { y: &y[30..31], u: &[], x_bounds: Some(&box_now) };
+    /// let estimate = estimator.step_with(step)?;
     /// assert!((9.0..=9.6).contains(&estimate.x[0]));
     /// # Ok::<(), Error>(())
     /// ```
@@ -168,7 +173,8 @@ impl DdMhe {
     /// ```
     /// # use ddmhe_core::*;
     /// # // x(t+1) = 0.9 x(t) + 1, y = 2 x
-    /// # let x: Vec<f64> = std::iter::successors(Some(0.0), |x| Some(0.9 * x + 1.0)).take(61).collect();
+    /// # let x: Vec<f64> =
+    /// #     std::iter::successors(Some(0.0), |x| Some(0.9 * x + 1.0)).take(61).collect();
     /// # let y: Vec<f64> = x[..60].iter().map(|x| 2.0 * x).collect();
     /// # let history = History::new(1, 1, &x[..31], &y[..30], 0.1)?;
     /// let config = Config { start: Start::Recording, ..Config::default() };
@@ -180,8 +186,8 @@ impl DdMhe {
         self.run_until(ys.into(), &mut || false)
     }
 
-    /// [`run`](Self::run) of a log of outputs and known inputs until `stop`, asked every 50 ms or so,
-    /// is true: the log then ends with the last step made, where the estimator stands.
+    /// [`run`](Self::run) of a log of outputs and known inputs until `stop`, asked every 50 ms or
+    /// so, is true: the log then ends with the last step made, where the estimator stands.
     ///
     /// # Errors
     /// As [`run`](Self::run).
@@ -237,7 +243,8 @@ impl DdMhe {
     /// ```
     /// # use ddmhe_core::*;
     /// # // x(t+1) = 0.9 x(t) + 1, y = 2 x
-    /// # let x: Vec<f64> = std::iter::successors(Some(0.0), |x| Some(0.9 * x + 1.0)).take(61).collect();
+    /// # let x: Vec<f64> =
+    /// #     std::iter::successors(Some(0.0), |x| Some(0.9 * x + 1.0)).take(61).collect();
     /// # let y: Vec<f64> = x[..60].iter().map(|x| 2.0 * x).collect();
     /// # let history = History::new(1, 1, &x[..31], &y[..30], 0.1)?;
     /// let mut estimator = DdMhe::new(&history, Config::default())?;
@@ -281,7 +288,8 @@ impl DdMhe {
     /// ```
     /// # use ddmhe_core::*;
     /// # // x(t+1) = 0.9 x(t) + 1, y = 2 x
-    /// # let x: Vec<f64> = std::iter::successors(Some(0.0), |x| Some(0.9 * x + 1.0)).take(61).collect();
+    /// # let x: Vec<f64> =
+    /// #     std::iter::successors(Some(0.0), |x| Some(0.9 * x + 1.0)).take(61).collect();
     /// # let y: Vec<f64> = x[..60].iter().map(|x| 2.0 * x).collect();
     /// # let history = History::new(1, 1, &x[..31], &y[..30], 0.1)?;
     /// # use ddmhe_run::{Aligned, Plan, Stepper};

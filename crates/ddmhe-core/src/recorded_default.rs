@@ -12,8 +12,9 @@
 //! - the states' own noise is a small share of what they do, [`SHARE`] in every direction: least
 //!   squares on noisy states shrink a mode by that share at every sample;
 //! - no product of two states explains a residual: an F test, [`CURVED`];
-//! - what drives the states is not the outputs' noise: their largest canonical correlation is at most
-//!   [`COMMON`] (an input that is not known, or a state that is not recorded, makes them one signal);
+//! - what drives the states is not the outputs' noise: their largest canonical correlation is at
+//!   most [`COMMON`] (an input that is not known, or a state that is not recorded, makes them one
+//!   signal);
 //! - the filter's innovations in the recording are as large as it says, within [`NIS`].
 //!
 //! The fourth and the fifth are what keeps tumbling bodies out: within their own recording the
@@ -81,8 +82,8 @@ pub(crate) fn recorded(
     let lag = lag_one(history, &model.residuals, &told);
     if lag > LAG {
         return Err(format!(
-            "what an affine step leaves is not white (lag-1 autocorrelation {lag:.2}, limit {LAG}): \
-            x is not the whole state, or its motion is curved"
+            "what an affine step leaves is not white (lag-1 autocorrelation {lag:.2}, limit {LAG}\
+            ): x is not the whole state, or its motion is curved"
         ));
     }
     let score = curvature(history, scaling, (&model.residuals, &told));
@@ -116,8 +117,8 @@ pub(crate) fn recorded(
         driving.filter().map_or(f64::NAN, |filter| replayed(history, scaling, (&filter, &outputs)));
     if !(NIS.0..=NIS.1).contains(&nis) {
         return Err(format!(
-            "the filter's innovations in the recording have {nis:.2} of the variance that it states \
-            (limits {} and {})",
+            "the filter's innovations in the recording have {nis:.2} of the variance that it \
+            states (limits {} and {})",
             NIS.0, NIS.1
         ));
     }

@@ -53,8 +53,8 @@ impl RecordedNoise {
     }
 
     /// The largest correlation of what drives the states with the outputs' noise: the largest
-    /// canonical one of ε and s, but for what reading noise makes of it, A N Cᵀ. Near 1 they are one
-    /// signal; the weights of the recording take them for two.
+    /// canonical one of ε and s, but for what reading noise makes of it, A N Cᵀ. Near 1 they are
+    /// one signal; the weights of the recording take them for two.
     pub fn shared_with_outputs(&self, model: &LinearModel) -> f64 {
         let factor = |mut S: Mat<f64>| {
             let size = S.diagonal().column_vector().iter().copied().fold(0.0, f64::max);

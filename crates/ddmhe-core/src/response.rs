@@ -2,11 +2,11 @@
 //!
 //! > \[x(k+1); y(k)\] ≈ Θᵀ s(k),  s(k) = \[x(k); u(k); x(k-1); y(k-1); u(k-1); …\] of L instants
 //!
-//! over all steps of the recording, none across a seam, columns centred and each channel in units of
-//! its own deviation; Θ = argmin Σ‖·‖² + γ N ‖Θ‖² with γ = min(1e-6, f₁/1000). At a misfit f₁ of
+//! over all steps of the recording, none across a seam, columns centred and each channel in units
+//! of its own deviation; Θ = argmin Σ‖·‖² + γ N ‖Θ‖² with γ = min(1e-6, f₁/1000). At a misfit f₁ of
 //! rounding γ = 0, and Θ is the one of least norm. The numbers are exact where eliminating u from
-//! the windows (Willems' lemma with inputs) is exact, and need only rank n + m + 1 of \[x; u; 1\] in
-//! the place of m M + n + 1 of the windows: u may be a sine, or leave its recorded range later.
+//! the windows (Willems' lemma with inputs) is exact, and need only rank n + m + 1 of \[x; u; 1\]
+//! in the place of m M + n + 1 of the windows: u may be a sine, or leave its recorded range later.
 //!
 //! *L* is 1, or 2 where a second instant takes the misfit below [`SECOND`] of f₁: the recorded x is
 //! then only part of the state. A second instant whose response grows beyond [`PEAK`] within the

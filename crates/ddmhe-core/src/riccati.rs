@@ -14,8 +14,8 @@ const SETTLED: f64 = 1e-14;
 const ALMOST: f64 = 1e-9;
 
 /// P = A (P - P Cᵀ (C P Cᵀ + R)⁻¹ C P) Aᵀ + Q with R diagonal, by doubling: after k of them H is
-/// the covariance after 2^k steps from 0 (Anderson 1978). None where it does not settle: a mode that
-/// does not decay is seen by no output, or reached by no disturbance.
+/// the covariance after 2^k steps from 0 (Anderson 1978). None where it does not settle: a mode
+/// that does not decay is seen by no output, or reached by no disturbance.
 pub(crate) fn stationary(A: &Mat<f64>, C: &Mat<f64>, Q: &Mat<f64>, R: &[f64]) -> Option<Mat<f64>> {
     let n = A.nrows();
     let identity = Mat::<f64>::identity(n, n);

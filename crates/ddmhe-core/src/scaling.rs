@@ -122,9 +122,9 @@ impl Scaling {
         (windows as f64 * (m * (x + y) + x)).sqrt()
     }
 
-    /// Shares of the variance of x(k+1) and of y(k) that an affine function of x(k) leaves unexplained:
-    /// pooled over the channels of one unit, at most 1, then averaged over the channels that move.
-    /// `channels`: of [`one_step`] (n + p).
+    /// Shares of the variance of x(k+1) and of y(k) that an affine function of x(k) leaves
+    /// unexplained: pooled over the channels of one unit, at most 1, then averaged over the
+    /// channels that move. `channels`: of [`one_step`] (n + p).
     pub(crate) fn misfit(&self, channels: &[[f64; 2]]) -> [f64; 2] {
         let n = self.s_x.len();
         let [x, y] = &self.moved;

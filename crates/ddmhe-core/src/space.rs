@@ -34,8 +34,8 @@
 //! √N z, of unit variance over the recording, the basis is U S/√N and ‖α‖² = (1 + ‖a‖²)/N.
 //!
 //! *Disturbance.* Where one is fitted, its columns G follow those of the recording (see the module
-//! `driving`). With the weights of the recording the windows are those of its linear model, x(0) the
-//! coordinates, in the place of the recorded ones.
+//! `driving`). With the weights of the recording the windows are those of its linear model, x(0)
+//! the coordinates, in the place of the recorded ones.
 
 use crate::driving::{Driven, Driving};
 use crate::history::History;

@@ -13,8 +13,8 @@ pub(crate) fn copies(recorded: usize) -> usize {
 }
 
 /// Of each channel of x(k+1) and of y(k) (n + p): the variance that an affine function of x(k) and
-/// the known inputs u(k) leaves unexplained, corrected for its n + m + 1 degrees of freedom, and the
-/// variance itself. A rest counts as often as in the space.
+/// the known inputs u(k) leaves unexplained, corrected for its n + m + 1 degrees of freedom, and
+/// the variance itself. A rest counts as often as in the space.
 pub(crate) fn one_step(history: &History, rest: Option<Rest<'_>>) -> Vec<[f64; 2]> {
     left_by(history, 1, rest)
 }

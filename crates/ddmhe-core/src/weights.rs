@@ -167,8 +167,8 @@ impl Weights {
         sum / f64::max(count, 1.0)
     }
 
-    /// Cost of a fitted disturbance of its own deviation: that of a fitted noise of its own, of these
-    /// variances; NaN for an output at rest, which has none.
+    /// Cost of a fitted disturbance of its own deviation: that of a fitted noise of its own, of
+    /// these variances; NaN for an output at rest, which has none.
     pub fn price(&self, variances: &[f64]) -> f64 {
         if self.of_noise { 1.0 } else { self.mean_cost(variances) }
     }

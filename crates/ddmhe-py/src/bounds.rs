@@ -68,8 +68,8 @@ pub fn sides(argument: &str, value: &Bound<'_, PyAny>) -> PyResult<[Numbers; 2]>
     Ok([numbers(&lo)?, numbers(&hi)?])
 }
 
-/// Bounds as SciPy has them, one (lo, hi) a channel, None in it for no bound; None for others. Of two channels this can be
-/// read in two ways, and is asked about.
+/// Bounds as SciPy has them, one (lo, hi) a channel, None in it for no bound; None for others. Of
+/// two channels this can be read in two ways, and is asked about.
 pub fn pairs(
     argument: &str,
     value: &Bound<'_, PyAny>,

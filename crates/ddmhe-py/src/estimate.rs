@@ -91,8 +91,8 @@ impl Estimate {
         Ok(Some(self.w.get_or_try_init(py, made)?.clone_ref(py)))
     }
 
-    /// Cost (17) at the estimate, with that of the disturbance, where one is fitted, and what it pays
-    /// for leaving soft bounds.
+    /// Cost (17) at the estimate, with that of the disturbance, where one is fitted, and what it
+    /// pays for leaving soft bounds.
     #[getter]
     fn cost(&self) -> f64 {
         self.core.cost

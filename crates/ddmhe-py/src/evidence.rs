@@ -51,8 +51,8 @@ pub fn reason<'py>(py: Python<'py>, bits: u8) -> PyResult<Bound<'py, PyAny>> {
 
 #[pymethods]
 impl Evidence {
-    /// What value is: "V", the minimum of the window's problem in units of what it is in windows held
-    /// out of the recording, or "nis", the mean of the normalised innovations squared over the
+    /// What value is: "V", the minimum of the window's problem in units of what it is in windows
+    /// held out of the recording, or "nis", the mean of the normalised innovations squared over the
     /// window, with the weights of the recording.
     #[getter]
     fn kind(&self) -> &'static str {
@@ -71,7 +71,8 @@ impl Evidence {
         self.core.limit
     }
 
-    /// What the newest output differs by from what all others say it is (p,); NaN where not measured.
+    /// What the newest output differs by from what all others say it is (p,); NaN where not
+    /// measured.
     #[getter]
     fn innovation<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         array1(py, &self.core.innovation)

@@ -18,6 +18,7 @@ mod measured;
 mod mhe;
 mod pickle;
 mod rigid;
+mod rigid_report;
 mod settings;
 mod signals;
 mod spaces;
@@ -55,7 +56,9 @@ mod _core {
     #[pymodule_export]
     use crate::mhe::DdMhe;
     #[pymodule_export]
-    use crate::rigid::{RigidBodyMhe, RigidBodyReport};
+    use crate::rigid::RigidBodyMhe;
+    #[pymodule_export]
+    use crate::rigid_report::RigidBodyReport;
     #[pymodule_export]
     use crate::settings::{check_settings, setting_names};
     #[pymodule_export]

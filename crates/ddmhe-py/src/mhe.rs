@@ -73,10 +73,10 @@ use std::sync::MutexGuard;
 ///     finds out replays the outputs since, and makes the problems that this takes (start="unknown"
 ///     or a plan has them from the beginning). "recording": where the recording ends; the log goes
 ///     on from there, and the window starts filled from the recording's end. "state": from x_prior,
-///     believed as much as any prior in (17); the window grows from 1 to M. "unknown": anywhere; the
-///     window grows from a prior that is as wide as the recorded states. Without evidence, or beside
-///     disturbance, the default is "state" from the last recorded state, which assumes that the run
-///     starts at (or near) that state.
+///     believed as much as any prior in (17); the window grows from 1 to M. "unknown": anywhere;
+///     the window grows from a prior that is as wide as the recorded states. Without evidence, or
+///     beside disturbance, the default is "state" from the last recorded state, which assumes that
+///     the run starts at (or near) that state.
 /// process_noise : None | "recorded" | "residual" | array (n, n) | "auto"
 ///     A disturbance w(k) that is fitted between x(k) and x(k+1), by its covariance (Remark 1), in
 ///     products of the units of x. "residual": that of the recording's one-step residuals, right
@@ -95,8 +95,8 @@ use std::sync::MutexGuard;
 ///     Standard deviation of the noise of later outputs, where it is more than the recording's; an
 ///     exact recording shows none. Evidence alone uses it.
 /// drift : array (n, n), optional
-///     Covariance that each sample adds to the error of the states, for what no output shows and the
-///     recording did not do. Evidence alone uses it.
+///     Covariance that each sample adds to the error of the states, for what no output shows and
+///     the recording did not do. Evidence alone uses it.
 /// evidence : bool
 ///     Whether estimates carry evidence: covariance, std, trusted, reasons. The estimates are the
 ///     same without (beside the same start), and a step is cheaper.
@@ -104,8 +104,8 @@ use std::sync::MutexGuard;
 ///     Outputs that cannot be right are rejected: an entry of the newest output that differs from
 ///     what all others say it is by more than so many standard deviations ("auto": 4) counts as not
 ///     measured. The scale widens where errors grow with the motion. Four rejections in a row to
-///     one side are a jump of the state: the run starts again four samples ago, from a state that is
-///     unknown. See Estimate.evidence.gated and .restarted.
+///     one side are a jump of the state: the run starts again four samples ago, from a state that
+///     is unknown. See Estimate.evidence.gated and .restarted.
 /// stuck : "tell" | "missing"
 ///     What becomes of an output that repeats one value longer than it ever did in the recording:
 ///     it is told (Reason.STUCK), or counts as not measured, with its repetitions.

@@ -1,7 +1,7 @@
 //! `ddmhe.RigidBodyMhe`.
 
 use crate::bounds::bounds;
-use crate::convert::{DdmheError, Numbers, ShapeError, array1, array2, raise, text, writable};
+use crate::convert::{DdmheError, Numbers, ShapeError, raise, text, writable};
 use crate::estimate::Estimate;
 use crate::exclusive::Exclusive;
 use crate::field::known_field;
@@ -11,9 +11,10 @@ use crate::log::Log;
 use crate::measured::outputs;
 use crate::mhe::DdMhe;
 use crate::pickle::{Made, bytes, made};
+use crate::rigid_report::RigidBodyReport;
 use crate::signals::Signals;
-use ddmhe_core::rigid::{KnownField, Measured, Refits, Report, RigidConfig};
-use numpy::{Ix1, Ix2, PyArray1, PyArray2};
+use ddmhe_core::rigid::{KnownField, Measured, Refits, RigidConfig};
+use numpy::{Ix1, Ix2, PyArray2};
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PySlice, PyType};
 use std::sync::MutexGuard;
@@ -29,9 +30,10 @@ use std::time::{Duration, Instant};
 /// Parameters
 /// ----------
 /// history : History
-///     Three rates (rad/s, about axes fixed in the body) and one to six outputs, at least 100 samples,
-///     without inputs. Up to eight recordings of one body, each at a spin of its own: the run goes on
-///     from the end of the last. A history of other sizes is no body's: a DdMhe estimates.
+///     Three rates (rad/s, about axes fixed in the body) and one to six outputs, at least 100
+///     samples, without inputs. Up to eight recordings of one body, each at a spin of its own: the
+///     run goes on from the end of the last. A history of other sizes is no body's: a DdMhe
+///     estimates.
 /// x_noise : float or array (3,), optional
 ///     Standard deviation of the noise on recorded rates; None: as fifth differences show.
 /// y_noise : float or array (p,), optional
@@ -42,9 +44,10 @@ use std::time::{Duration, Instant};
 ///     Box on the rates; each side a scalar or (3,). None: what the recorded energy allows a body
 ///     that is braked, where one explains the recording.
 /// field : (B, K), optional
-///     A magnetic field that is known and moves, since the magnet turns or is modulated: B (T, 3) and
-///     K (T, p, 3) at the outputs of the recording, or (T+1, 3) and (T+1, p, 3) with that at its last
-///     rate, which is left out else. The body is then braked by B × M (B × ω), and the outputs are
+///     A magnetic field that is known and moves, since the magnet turns or is modulated: B (T, 3)
+///     and K (T, p, 3) at the outputs of the recording, or (T+1, 3) and (T+1, p, 3) with that at
+///     its last rate, which is left out else. The body is then braked by B × M (B × ω), and the
+///     outputs are
 ///     -κ K M (B × ω), with M symmetric and κ a number; up to three outputs. Each step takes the
 ///     field, too.
 /// rate_noise : float or array (3,), optional
@@ -59,16 +62,16 @@ use std::time::{Duration, Instant};
 ///     What estimates where no rigid body does, as it stands; None: one with its defaults, this box
 ///     and this noise.
 /// refit : "now" | "sliced" | "manual"
-///     When the motion is fitted anew to recording and all outputs since, which is due .25, .35, .5,
-///     .7, 1, 1.4 and 2 lengths of the recording (of all together) behind its end, and then each time
-///     that 1.15 times as much has passed, up to 32. "now": in the steps that it is due in, which take
-///     some 10 ms to some 100 ms. "sliced": a little with each step, while the filter goes on; fits
-///     then come somewhat later, and errors are up to some 10 % larger in the mean. "manual": when
-///     refit is called, which may have a budget of time.
+///     When the motion is fitted anew to recording and all outputs since, which is due .25, .35,
+///     .5, .7, 1, 1.4 and 2 lengths of the recording (of all together) behind its end, and then
+///     each time that 1.15 times as much has passed, up to 32. "now": in the steps that it is due
+///     in, which take some 10 ms to some 100 ms. "sliced": a little with each step, while the
+///     filter goes on; fits then come somewhat later, and errors are up to some 10 % larger in the
+///     mean. "manual": when refit is called, which may have a budget of time.
 /// optima : int
 ///     How many motions that may have made the data are followed at once, 1 to 4, each with its
-///     probability: the estimate is their mean, and its covariance has how far they are apart. 1: the
-///     most probable one alone.
+///     probability: the estimate is their mean, and its covariance has how far they are apart. 1:
+///     the most probable one alone.
 ///
 /// Raises
 /// ------
@@ -171,11 +174,13 @@ impl RigidBodyMhe {
     /// Consume y(t-1) and estimate the rates at t, at step number t.
     ///
     /// y_t : array (p,), NaN where this entry was not measured.
-    /// x : array (3,), optional. Rates (rad/s) that a sensor read at the instant of y_t, NaN where it
+    /// x : array (3,), optional. Rates (rad/s) that a sensor read at the instant of y_t, NaN where
+    /// it
     ///     did not; their noise is rate_noise.
-    /// field : (B, K), arrays (3,) and (p, 3). The field at the instant of y_t, of an estimator that was
-    ///     made with one. The rates at t are foretold with the field as it would go on linearly; the
-    ///     next step puts what it then is in the place of that.
+    /// field : (B, K), arrays (3,) and (p, 3). The field at the instant of y_t, of an estimator
+    /// that was
+    ///     made with one. The rates at t are foretold with the field as it would go on linearly;
+    ///     the next step puts what it then is in the place of that.
     /// out : float64 array (3,), optional. It receives the rates and is returned in the place of an
     ///     Estimate; all else about the step is in `estimate`.
     #[pyo3(signature = (y_t, *, x=None, field=None, out=None))]
@@ -209,9 +214,11 @@ impl RigidBodyMhe {
     /// Estimate over a whole log Y (N, p), with the GIL released: the same numbers as N calls of
     /// step.
     ///
-    /// X : array (N, 3), optional. Rates (rad/s) that a sensor read at the instants of Y, NaN where it
+    /// X : array (N, 3), optional. Rates (rad/s) that a sensor read at the instants of Y, NaN where
+    /// it
     ///     did not.
-    /// field : (B, K), arrays (N, 3) and (N, p, 3). The field at the instants of Y, of an estimator that
+    /// field : (B, K), arrays (N, 3) and (N, p, 3). The field at the instants of Y, of an estimator
+    /// that
     ///     was made with one.
     /// out : float64 array (N, 3), optional. It receives the rates and is the Log's x.
     ///
@@ -265,9 +272,9 @@ impl RigidBodyMhe {
     /// False, too, where refit is not "manual" and more has passed than outputs are kept.
     ///
     /// budget_s : float, optional
-    ///     Stop after about so many seconds. None is then returned where that was not enough; the next
-    ///     call goes on from there, with steps in between or without, and at the end the estimates are
-    ///     of the new motion. None: to the end, of all that was measured up to now.
+    ///     Stop after about so many seconds. None is then returned where that was not enough; the
+    ///     next call goes on from there, with steps in between or without, and at the end the
+    ///     estimates are of the new motion. None: to the end, of all that was measured up to now.
     #[pyo3(signature = (budget_s=None))]
     fn refit(&self, py: Python<'_>, budget_s: Option<f64>) -> PyResult<Option<bool>> {
         let mut core = self.core()?;
@@ -366,102 +373,5 @@ impl RigidBodyMhe {
         let Ok(core) = self.core() else { return "RigidBodyMhe(at work in another call)".into() };
         let explained = if core.explained() { "True" } else { "False" };
         format!("RigidBodyMhe(p={}, explained={explained}, t={})", core.p(), core.t())
-    }
-}
-
-/// What is known of a rigid body. Arrays are made when they are asked for.
-///
-/// Examples
-/// --------
-/// >>> import ddmhe
-/// >>> record = ddmhe.models.detumbling().simulate(duration=30.0, dt=0.1, noise=0.01)
-/// >>> report = ddmhe.RigidBodyMhe(record.history(200)).report()
-/// >>> report.inertia.shape, round(float(report.inertia.trace()), 9)
-/// ((3, 3), 3.0)
-/// >>> report.unseen.shape  # the direction that no output shows
-/// (3,)
-#[pyclass(module = "ddmhe", frozen, name = "RigidBodyReport")]
-pub struct RigidBodyReport {
-    core: Report,
-}
-
-fn matrix<'py>(py: Python<'py>, A: &[[f64; 3]; 3]) -> PyResult<Bound<'py, PyArray2<f64>>> {
-    array2(py, A.as_flattened().to_vec(), 3)
-}
-
-#[pymethods]
-impl RigidBodyReport {
-    /// Mean squares of the latest fit's residuals in units of their noise (4,): of rates, of
-    /// outputs, and of both in means over ten samples.
-    #[getter]
-    fn chi<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
-        array1(py, &self.core.chi)
-    }
-
-    /// What each of them is below where the motion explains the data (4,).
-    #[getter]
-    fn limits<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
-        array1(py, &self.core.limits)
-    }
-
-    /// Log of the probability of the latest fit's data, but for a constant of them.
-    #[getter]
-    fn evidence(&self) -> f64 {
-        self.core.evidence
-    }
-
-    /// The optima that are kept, the best first: (cost, evidence, inertia (3, 3)) of each.
-    #[getter]
-    #[allow(clippy::type_complexity)]
-    fn optima<'py>(&self, py: Python<'py>) -> PyResult<Vec<(f64, f64, Bound<'py, PyArray2<f64>>)>> {
-        let own = self.core.optima.iter();
-        own.map(|o| Ok((o.cost, o.evidence, matrix(py, &o.inertia)?))).collect()
-    }
-
-    /// How probable each of them is as of now.
-    #[getter]
-    fn probabilities(&self) -> Vec<f64> {
-        self.core.optima.iter().map(|o| o.probability).collect()
-    }
-
-    /// Inertia (3, 3) of trace 3: its scale cannot be seen.
-    #[getter]
-    fn inertia<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
-        matrix(py, &self.core.inertia)
-    }
-
-    /// Standard deviations of its entries (3, 3).
-    #[getter]
-    fn inertia_std<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
-        matrix(py, &self.core.inertia_std)
-    }
-
-    /// The direction (3,) about which a turn shows in no output; NaN in a known field, which moves: none
-    /// stays so.
-    #[getter]
-    fn unseen<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
-        array1(py, &self.core.unseen)
-    }
-
-    /// By how long the outputs lag behind the motion (s), where a lag was fitted; None: without.
-    #[getter]
-    fn lag(&self) -> Option<f64> {
-        self.core.lag.map(|[lag, _]| lag)
-    }
-
-    /// Its standard deviation (s).
-    #[getter]
-    fn lag_std(&self) -> Option<f64> {
-        self.core.lag.map(|[_, sd]| sd)
-    }
-
-    /// All of it in sentences.
-    #[getter]
-    fn words(&self) -> Vec<String> {
-        self.core.words.clone()
-    }
-
-    fn __repr__(&self) -> String {
-        format!("RigidBodyReport({})", self.core.words.join("; "))
     }
 }

@@ -22,8 +22,8 @@ impl<B: AsRef<[f64]> + AsMut<[f64]>> Memory<B> {
         self.since = self.since.saturating_add(1);
     }
 
-    /// A run begins with the window that is in memory: what is made of the plan, and the evidence on
-    /// its states. `elsewhere`: not at the recording's end.
+    /// A run begins with the window that is in memory: what is made of the plan, and the evidence
+    /// on its states. `elsewhere`: not at the recording's end.
     pub fn begin(&mut self, shared: &Shared<'_>, unknown: bool, elsewhere: bool) {
         self.prepare(shared);
         if unknown {

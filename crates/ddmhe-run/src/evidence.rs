@@ -1,5 +1,5 @@
-//! What each estimate says about itself: how far off it may be, and whether the motion is still like
-//! the recording.
+//! What each estimate says about itself: how far off it may be, and whether the motion is still
+//! like the recording.
 //!
 //! # The statistic
 //! V(t), the minimum of the window's problem, (17) with the weight λ on ‖a‖², is the squared
@@ -8,14 +8,15 @@
 //! estimates are off then: Q₀. Over windows that are unlike it, squares of errors follow V/V₀
 //! between its first and second power.
 //!
-//! D(t) = (x̂ - x̄)ᵀ Σ_x⁻¹ (x̂ - x̄), x̄ and Σ_x the mean and covariance of the recorded states, says how
-//! far the estimate has left them; D_most is the largest D of recorded states, and of held-out ones
-//! under what their estimates were made from. What curvature makes of an error goes like the square
-//! of that distance. G is what held-out errors of a curved recording grew by with the time since what
-//! they were made from: see [`formulas::growth`].
+//! D(t) = (x̂ - x̄)ᵀ Σ_x⁻¹ (x̂ - x̄), x̄ and Σ_x the mean and covariance of the recorded states,
+//! says how far the estimate has left them; D_most is the largest D of recorded states, and of
+//! held-out ones under what their estimates were made from. What curvature makes of an error goes
+//! like the square of that distance. G is what held-out errors of a curved recording grew by with
+//! the time since what they were made from: see [`formulas::growth`].
 //!
 //! # The covariance
-//! The error of x̂(t) is that of x̄(t-m), carried by the map Φ: x̄ → x̂(t), and what the window adds:
+//! The error of x̂(t) is that of x̄(t-m), carried by the map Φ: x̄ → x̂(t), and what the window
+//! adds:
 //!
 //! > A = Φ Σ(t-m) Φᵀ,  Q = s Q₀,  s = max(s(v), G v, u² where u > 1)
 //! >
@@ -23,16 +24,16 @@
 //! >
 //! > Σ(t) = A (1 + 1/κ) + Q (1 + κ),  κ² = tr A / tr Q, each state in units of its recorded spread
 //!
-//! which holds however the two errors are correlated: held-out errors a window apart are so by up to
-//! .99. Other [rules](Rule) hold where the recording is exact or the weights are its own.
+//! which holds however the two errors are correlated: held-out errors a window apart are so by up
+//! to .99. Other [rules](Rule) hold where the recording is exact or the weights are its own.
 //!
 //! *Bounds.* V is that of the constrained problem. The minimiser within bounds is the projection of
 //! the one without in the norm of the problem; where the truth satisfies them that takes it nearer,
 //! so Σ of the problem without bounds is handed out, with V of the one that has them.
 //!
 //! *Lost outputs.* Φ and Q are those of the outputs that are left: Q₀ grows by what they add to the
-//! covariance of z, whose unit is V₀ over the number of outputs; V grows by the share of V₀ that was
-//! not measured.
+//! covariance of z, whose unit is V₀ over the number of outputs; V grows by the share of V₀ that
+//! was not measured.
 //!
 //! # Doubt
 //! *Novel*: V, or its part J of (17), was above what held-out windows explain in one of the last M
@@ -104,7 +105,8 @@ pub struct Evidence<'a> {
     pub covariance: &'a [f64],
     /// Why the estimate is not trusted; empty: it is.
     pub reasons: Reasons,
-    /// V(t) in units of V₀; with the weights of the recording, the mean of νᵀS⁻¹ν/p over the window.
+    /// V(t) in units of V₀; with the weights of the recording, the mean of νᵀS⁻¹ν/p over the
+    /// window.
     pub value: f64,
     /// What `value` is novel above.
     pub limit: f64,

@@ -131,8 +131,8 @@ impl<B: AsRef<[f64]> + AsMut<[f64]>> Memory<B> {
         }
     }
 
-    /// y(t-1) and u(t-1) taken in, and x̂(t) into x, in the user's units, where the estimates in the
-    /// window are one filter's and nothing else is asked for: its cost. None where this step is
+    /// y(t-1) and u(t-1) taken in, and x̂(t) into x, in the user's units, where the estimates in
+    /// the window are one filter's and nothing else is asked for: its cost. None where this step is
     /// another; nothing has changed then.
     #[inline(always)]
     pub(crate) fn filter_alone(

@@ -11,10 +11,11 @@
 //! >
 //! > x̂ ∈ X, v̂ ∈ V    (16c, 16d)
 //!
-//! (bounds may also be left, at a [price](prices)), and return x̂(t). Equation numbers are those of X. Liu et al., "Data-driven Moving Horizon
-//! Estimation for Angular Velocity of Space Noncooperative Target in Electromagnetic De-tumbling
-//! Mission", arXiv 2301.05351v3, cited as Liu 2026. What depends on the recording and the settings
-//! alone is computed on the ground, by `ddmhe-core`, and comes here as a [`Plan`]: plain numbers,
+//! (bounds may also be left, at a [price](prices)), and return x̂(t). Equation numbers are those of
+//! X. Liu et al., "Data-driven Moving Horizon Estimation for Angular Velocity of Space
+//! Noncooperative Target in Electromagnetic De-tumbling Mission", arXiv 2301.05351v3, cited as Liu
+//! 2026. What depends on the recording and the settings alone is computed on the ground, by
+//!       `ddmhe-core`, and comes here as a [`Plan`]: plain numbers,
 //! which may lie in flash. A [`Stepper`] runs it.
 //!
 //! # Notation
@@ -55,9 +56,9 @@
 //! # A tour
 //! [`layout`] (where a row is) → [`plan`] (the numbers) → [`problem`] (one window's) → `window`
 //! (Eq. (16) for it, with `bounds`, `cost` and [`reweight`]: outputs that are lost) →
-//! [`active_set`] (active bounds, and those that are left) → [`memory`] (the sliding window) → [`stepper`] (Algorithm 1).
-//! [`panels`] are the products, [`tol`] every tolerance. [`fallback`] is where a ground station's
-//! solver comes in.
+//! [`active_set`] (active bounds, and those that are left) → [`memory`] (the sliding window) →
+//! [`stepper`] (Algorithm 1). [`panels`] are the products, [`tol`] every tolerance. [`fallback`] is
+//! where a ground station's solver comes in.
 
 #![no_std]
 

@@ -19,15 +19,15 @@ pub struct Data<'a> {
     pub outputs: &'a [f64],
     /// Whether there is a NaN.
     pub missing: bool,
-    /// The window as a Kalman filter has it, where the weights are the recording's and all of it was
-    /// measured.
+    /// The window as a Kalman filter has it, where the weights are the recording's and all of it
+    /// was measured.
     pub filtered: Option<Filtered<'a>>,
     /// What the weight of the prior lacks (n·n, by rows, in scaled units), where outputs before the
     /// window were lost.
     pub lacking: Option<&'a [f64]>,
     /// What makes states of the window's deviations, in the user's units ((m+1)·n): the recording's
-    /// means, and where there are inputs the forced motion beside them. The outputs are then without
-    /// theirs.
+    /// means, and where there are inputs the forced motion beside them. The outputs are then
+    /// without theirs.
     pub means: &'a [f64],
     /// Bounds on the states for this step alone: n numbers each, or (m+1)·n.
     pub x_bounds: Option<Limits<'a>>,

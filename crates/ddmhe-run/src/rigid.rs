@@ -20,16 +20,17 @@
 //! | R, q: stacked whitened Jacobian and residual | [`factor::Factor`] | N × N, N | |
 //!
 //! # A tour
-//! [`motion`] (samples, with their derivatives) ← [`body`], [`field`] (in a known field), [`lag`] (seen
-//! by sensors that lag) ·
+//! [`motion`] (samples, with their derivatives) ← [`body`], [`field`] (in a known field), [`lag`]
+//! (seen by sensors that lag) ·
 //! [`pass`] (the cost of z over all [`data`] or their [`means`], and its [`factor`]; `earlier`
 //! recordings' own unknowns are eliminated) → [`fit`] (Levenberg and Marquardt) → [`posterior`] →
-//! [`filter`] (one sample, from there on) → [`mixture`] (up to four of them) · [`anchoring`] (fits to
-//! all data since) → [`stepper`] (both together).
+//! [`filter`] (one sample, from there on) → [`mixture`] (up to four of them) · [`anchoring`] (fits
+//! to all data since) → [`stepper`] (both together).
 //!
-//! All of it has a fixed size, and nothing is allocated. There is room for P outputs, 1 to 6, and N is
-//! the number of unknowns, [`layout::unknowns`]`(P)`. Fewer outputs p come first; the others are never
-//! measured: they are NaN with infinite noise, see [`layout::outputs`]. Estimates are as with P = p.
+//! All of it has a fixed size, and nothing is allocated. There is room for P outputs, 1 to 6, and N
+//! is the number of unknowns, [`layout::unknowns`]`(P)`. Fewer outputs p come first; the others are
+//! never measured: they are NaN with infinite noise, see [`layout::outputs`]. Estimates are as with
+//! P = p.
 
 pub mod anchoring;
 pub mod body;

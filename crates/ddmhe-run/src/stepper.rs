@@ -152,8 +152,8 @@ impl<B: AsRef<[f64]> + AsMut<[f64]>, F: Fallback> Pass<'_, B, F> {
     }
 
     /// The step whose x̂(t), into x, is all that is asked for: its cost, with the weights of the
-    /// recording, without bounds and without a window that has to be looked at. None where this step
-    /// is another; nothing has changed then.
+    /// recording, without bounds and without a window that has to be looked at. None where this
+    /// step is another; nothing has changed then.
     #[inline(always)]
     pub fn alone(&mut self, y: &[f64], u: &[f64], x: &mut [f64]) -> Option<f64> {
         let depth = self.problem.depth;

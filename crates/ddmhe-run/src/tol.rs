@@ -89,6 +89,6 @@ pub const SHORT: usize = 20;
 /// one filter's.
 pub const SAME_FILTER: f64 = 1e-13;
 
-/// Difference of a covariance from the stationary one, in units of that one's largest entry, that is
-/// rounding.
+/// Difference of a covariance from the stationary one, in units of that one's largest entry, that
+/// is rounding.
 pub const SETTLED: f64 = 1e-14;

@@ -44,9 +44,9 @@ impl WindowProblem<'_> {
         )
     }
 
-    /// (16), (17): the minimiser's window into the scratch, and in the user's units into the answer.
-    /// None where too little is left of the cost without the missing outputs: the problem must then
-    /// be made anew for what was measured.
+    /// (16), (17): the minimiser's window into the scratch, and in the user's units into the
+    /// answer. None where too little is left of the cost without the missing outputs: the problem
+    /// must then be made anew for what was measured.
     #[inline(always)]
     pub fn solve(
         &self,
@@ -331,8 +331,8 @@ impl WindowProblem<'_> {
         sum(&window[..means.len()], means, states);
     }
 
-    /// x̂(t) as a step makes it that asks for nothing else: where there are inputs the forced motion
-    /// was taken off the window and added again, which costs a last bit.
+    /// x̂(t) as a step makes it that asks for nothing else: where there are inputs the forced
+    /// motion was taken off the window and added again, which costs a last bit.
     #[inline(always)]
     fn newest(&self, next: &[f64], states: &mut [f64]) {
         let Shared { s_x, mean_x, sizes, .. } = self.shared;

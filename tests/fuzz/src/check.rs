@@ -138,7 +138,8 @@ fn continues(new: &DdMhe, taken: &[Sample], found: &[Bits]) {
     }
 }
 
-/// A log is run as it is stepped, however it is split; samples with bounds of their own are stepped.
+/// A log is run as it is stepped, however it is split; samples with bounds of their own are
+/// stepped.
 fn runs(new: &DdMhe, taken: &[Sample], found: &[Bits]) {
     let mut mhe = new.clone();
     let mut k = 0;

@@ -33,7 +33,10 @@ fn timed(case: &Case) -> Outcomes {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::with_cases(200) })]
+    #![proptest_config(ProptestConfig {
+        failure_persistence: None,
+        ..ProptestConfig::with_cases(200)
+    })]
 
     /// No panic, no hang, finite estimates; a log is run as it is stepped, a snapshot and a copy go
     /// on with the same bits, a plan flies with them, and a reset estimator is a new one.

@@ -102,7 +102,10 @@ fn sets(source: &mut Source<'_>) {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::with_cases(1000) })]
+    #![proptest_config(ProptestConfig {
+        failure_persistence: None,
+        ..ProptestConfig::with_cases(1000)
+    })]
 
     #[test]
     fn observers_of_any_numbers(bytes in prop::collection::vec(any::<u8>(), 0..120)) {

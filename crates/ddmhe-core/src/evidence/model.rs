@@ -53,7 +53,8 @@ impl ModelNumbers {
     }
 }
 
-/// Number of steps, mean of their regressors \[x; u\] and Σ of the squares of the deviations from it.
+/// Number of steps, mean of their regressors \[x; u\] and Σ of the squares of the deviations from
+/// it.
 fn moments(history: &History, scaling: &Scaling) -> (f64, Vec<f64>, Mat<f64>) {
     let (n, p, m) = (history.n(), history.p(), history.m());
     let mut rows: Vec<Vec<f64>> = Vec::new();

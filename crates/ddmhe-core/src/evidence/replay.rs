@@ -1,10 +1,10 @@
-//! Windows of the recording that are estimated without it: what V, the errors and the innovations are
-//! where the motion is like the recording.
+//! Windows of the recording that are estimated without it: what V, the errors and the innovations
+//! are where the motion is like the recording.
 //!
 //! The last two fifths of a recording are estimated from what came before, from .6 T and from .8 T
 //! on; of several recordings the four longest each from the others. The prior of each window is the
-//! recorded state, its scales, weights and λ are those of the whole recording. Depths are M, M/2, …,
-//! 1, each as long as the part it is made from has .4 T windows of it, 2n+1 at least.
+//! recorded state, its scales, weights and λ are those of the whole recording. Depths are M, M/2,
+//! …, 1, each as long as the part it is made from has .4 T windows of it, 2n+1 at least.
 
 use crate::driving::Driving;
 use crate::error::Error;
@@ -19,7 +19,8 @@ use crate::weights::Weights;
 use ddmhe_run::layout::Layout;
 use faer::Mat;
 
-/// Where the parts that are held out begin, and where the last one ends, in shares of the recording.
+/// Where the parts that are held out begin, and where the last one ends, in shares of the
+/// recording.
 const ORIGINS: [f64; 3] = [0.6, 0.8, 1.0];
 /// Recordings that are held out in turn.
 const RECORDINGS: usize = 4;
@@ -194,8 +195,8 @@ impl Fold {
     }
 }
 
-/// (I - H_nn)⁻¹ (p × p): from the newest fitted noise to what the newest output differs by from what
-/// the others say it is.
+/// (I - H_nn)⁻¹ (p × p): from the newest fitted noise to what the newest output differs by from
+/// what the others say it is.
 pub(crate) fn deleted(Reduced { K, A, .. }: &Reduced, layout: Layout) -> Mat<f64> {
     let (p, newest) = (layout.p, layout.y(layout.depth - 1).start);
     let H = A.subrows(newest, p) * K.subcols(K.ncols() - p, p);

@@ -31,8 +31,8 @@ pub enum Refits {
     Manual,
 }
 
-/// The field in which a body was recorded, time-major: at each output and, if it is known, at the last
-/// rate; without the latter that rate is left out.
+/// The field in which a body was recorded, time-major: at each output and, if it is known, at the
+/// last rate; without the latter that rate is left out.
 #[derive(Debug, Clone, PartialEq)]
 #[cfg_attr(feature = "serde", derive(Serialize, Deserialize), serde(deny_unknown_fields))]
 pub struct KnownField {
@@ -103,9 +103,9 @@ pub struct RigidConfig {
     pub x_bounds: Option<Bounds>,
     /// The field of the recording, where it is known and moves: then each step is told it, too.
     pub field: Option<KnownField>,
-    /// Whether the outputs lag behind the motion, as those of first-order sensors do, by a time that
-    /// is fitted, too: true, false, or None: only where no body explains all data without it. Up to
-    /// three outputs.
+    /// Whether the outputs lag behind the motion, as those of first-order sensors do, by a time
+    /// that is fitted, too: true, false, or None: only where no body explains all data without it.
+    /// Up to three outputs.
     pub output_lag: Option<bool>,
     /// When the motion is fitted anew.
     pub refit: Refits,

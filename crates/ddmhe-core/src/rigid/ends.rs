@@ -12,9 +12,9 @@ use crate::rigid::online::blank;
 /// Shares of the longest recording to whose beginnings a body that does not explain it is fitted.
 const BEGINNINGS: [f64; 2] = [0.5, 0.75];
 
-/// Whether a body that is fitted to the recording's beginnings is nearer to the recorded rates after
-/// each of them than an affine estimator: where neither explains the recording, that decides. Of
-/// several recordings the longest is cut up, and all others are known.
+/// Whether a body that is fitted to the recording's beginnings is nearer to the recorded rates
+/// after each of them than an affine estimator: where neither explains the recording, that decides.
+/// Of several recordings the longest is cut up, and all others are known.
 pub(crate) fn foretells(history: &History, config: &RigidConfig) -> Result<bool, Error> {
     let all = 0..history.recordings();
     let longest = all.clone().max_by_key(|i| history.outputs(*i).len()).unwrap_or(0);

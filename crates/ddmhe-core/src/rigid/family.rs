@@ -1,5 +1,5 @@
-//! Families of motions that are fitted to a recording: where their fits begin, and what they are told of
-//! each sample.
+//! Families of motions that are fitted to a recording: where their fits begin, and what they are
+//! told of each sample.
 
 use crate::rigid::recording::Recording;
 use ddmhe_run::rigid::lag::lag;

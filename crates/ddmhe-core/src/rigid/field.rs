@@ -13,8 +13,8 @@ use faer::Mat;
 const SPREAD: [f64; 2] = [0.3, 2.0];
 /// Size of M where the fit begins, relative to its prior: it fixes κ.
 const BEGINS: f64 = 0.1;
-/// Directions of M that the outputs show less of than that, relative to what they show most of, begin
-/// at 0.
+/// Directions of M that the outputs show less of than that, relative to what they show most of,
+/// begin at 0.
 const SHOWN: f64 = 1e-6;
 
 impl<const P: usize, const N: usize> Fitted<P, N> for FieldBody<P, N> {
@@ -39,7 +39,7 @@ impl<const P: usize, const N: usize> Fitted<P, N> for FieldBody<P, N> {
     ) -> Start<Self, N> {
         let W = recording.W;
         let squares: f64 = known.iter().map(|known| dot(&known.B, &known.B)).sum();
-        let m = SPREAD[0] * W * known.len() as f64 / squares; // drag in units of W, as without a field
+        let m = SPREAD[0] * W * known.len() as f64 / squares; // drag in units of W
         let shown = shown(recording, known);
         let scale = shown.iter().map(|v| v * v).sum::<f64>().sqrt() / (BEGINS * m);
         let mut spread = [1.0; N];

@@ -130,7 +130,8 @@ fn of_all<M: Fitted<P, N>, const P: usize, const N: usize>(known: &[M::Known]) -
 }
 
 /// By what factor a braked body may turn faster than it has turned: √(largest / smallest moment of
-/// inertia), with three deviations on either, of the optimum that allows most. Energy is not gained.
+/// inertia), with three deviations on either, of the optimum that allows most. Energy is not
+/// gained.
 fn fastest<M, const N: usize>(optima: &Optima<M, N>) -> f64 {
     let of = |found: &Posterior<M, N>| {
         let J = inertia(&found.z[INERTIA..TILT]);

@@ -11,8 +11,8 @@ use ddmhe_run::rigid::lag::lag;
 use ddmhe_run::rigid::motion::{Family, Motion};
 use ddmhe_run::rigid::{Body, LaggedBody, Start};
 
-/// Prior standard deviation of a lag: the body turns by so much meanwhile (rad), and it is at most that
-/// share of the recording.
+/// Prior standard deviation of a lag: the body turns by so much meanwhile (rad), and it is at most
+/// that share of the recording.
 const SPREAD: (f64, f64) = (0.2, 0.1);
 
 impl<const P: usize, const N: usize> Fitted<P, N> for LaggedBody<P, N> {

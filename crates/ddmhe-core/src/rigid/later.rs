@@ -16,8 +16,8 @@ pub(crate) struct Later<const P: usize> {
 }
 
 impl<const P: usize> Later<P> {
-    /// Nothing, with room for so many outputs of such noise; means are over so many, and there are none
-    /// over one.
+    /// Nothing, with room for so many outputs of such noise; means are over so many, and there are
+    /// none over one.
     pub fn with_room(room: usize, noise: &[f64; P], every: usize) -> Self {
         let by = (every as f64).sqrt();
         Later {

@@ -26,8 +26,8 @@ impl<'a> Measured<'a> {
         }
     }
 
-    /// Whether rates and field of so many samples are as an estimator of n states and p outputs takes
-    /// them, which has a field or none.
+    /// Whether rates and field of so many samples are as an estimator of n states and p outputs
+    /// takes them, which has a field or none.
     ///
     /// # Errors
     /// [`Error::Shape`] or [`Error::NotFinite`], naming the rates by `of_x`.

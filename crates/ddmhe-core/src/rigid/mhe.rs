@@ -44,7 +44,8 @@ pub struct RigidBodyMhe {
     /// The run that a body whose outputs lag has taken the place of.
     plain: Option<Box<dyn Online>>,
     fallback: DdMhe,
-    /// Whether the fallback can begin anywhere, so that it may rest as long as the body explains all.
+    /// Whether the fallback can begin anywhere, so that it may rest as long as the body explains
+    /// all.
     may_rest: bool,
     estimate: Estimate,
     run: Judged,
@@ -97,13 +98,13 @@ struct Snapshot {
 }
 
 impl RigidBodyMhe {
-    /// Fits the recording from several starts: one, or up to eight of one body, each at a spin of its
-    /// own, and the run goes on from the end of the last. `fallback`: what takes over; None: a
+    /// Fits the recording from several starts: one, or up to eight of one body, each at a spin of
+    /// its own, and the run goes on from the end of the last. `fallback`: what takes over; None: a
     /// [`DdMhe`] with its defaults, this box and this noise.
     ///
     /// # Errors
-    /// [`Error::Shape`], [`Error::Value`] or [`Error::NotFinite`] naming the setting at fault, or for
-    /// a recording of three rates in another unit than rad/s; as [`DdMhe::new`]. A recording of
+    /// [`Error::Shape`], [`Error::Value`] or [`Error::NotFinite`] naming the setting at fault, or
+    /// for a recording of three rates in another unit than rad/s; as [`DdMhe::new`]. A recording of
     /// other than three states and one to six outputs is no body's: the affine estimator stands in.
     ///
     /// # Example
@@ -124,7 +125,7 @@ impl RigidBodyMhe {
     /// #         (0..3).for_each(|i| w[i] += 0.001 * f[i]);
     /// #     }
     /// # }
-    /// // rates x and torques y of a tumbling body: 20 s were recorded, then there are torques alone
+    /// // rates x and torques y of a tumbling body: 20 s were recorded, then torques alone
     /// let history = History::new(3, 3, &x[..603], &y[..600], 0.1)?;
     /// let mut estimator = RigidBodyMhe::new(&history, RigidConfig::default(), None)?;
     /// assert!(estimator.explained());
@@ -180,8 +181,8 @@ impl RigidBodyMhe {
         self.step_with(Measured { y, ..Measured::default() })
     }
 
-    /// [`step`](Self::step) with rates `x` (3, NaN = not measured) that a sensor read at the instant
-    /// of y, with the noise [`RigidConfig::rate_noise`].
+    /// [`step`](Self::step) with rates `x` (3, NaN = not measured) that a sensor read at the
+    /// instant of y, with the noise [`RigidConfig::rate_noise`].
     ///
     /// # Errors
     /// As [`step`](Self::step), of either.
@@ -189,13 +190,14 @@ impl RigidBodyMhe {
         self.step_with(Measured { y, x: Some(x), field: None })
     }
 
-    /// [`step`](Self::step) with what else was measured or is known of the instant of y: rates as in
-    /// [`step_with_rates`](Self::step_with_rates), and the field, for an estimator that was made with
-    /// one ([`RigidConfig::field`]). ω(t) is foretold with the field as it would go on from the last
-    /// two samples, linearly; the next step puts what it then is in the place of that.
+    /// [`step`](Self::step) with what else was measured or is known of the instant of y: rates as
+    /// in [`step_with_rates`](Self::step_with_rates), and the field, for an estimator that was made
+    /// with one ([`RigidConfig::field`]). ω(t) is foretold with the field as it would go on from
+    /// the last two samples, linearly; the next step puts what it then is in the place of that.
     ///
     /// # Errors
-    /// As [`step`](Self::step), of each; [`Error::Shape`] for a field that is missing or not expected.
+    /// As [`step`](Self::step), of each; [`Error::Shape`] for a field that is missing or not
+    /// expected.
     pub fn step_with(&mut self, sample: Measured<'_>) -> Result<&Estimate, Error> {
         let p = self.history.p();
         check_output(sample.y, p)?;
@@ -214,8 +216,8 @@ impl RigidBodyMhe {
         self.run_until(&Measured { y: ys, ..Measured::default() }, &mut || false)
     }
 
-    /// [`run`](Self::run) over a log of all that [`step_with`](Self::step_with) takes, until `stop`,
-    /// asked every 50 ms or so, is true: the log then ends with the last step made.
+    /// [`run`](Self::run) over a log of all that [`step_with`](Self::step_with) takes, until
+    /// `stop`, asked every 50 ms or so, is true: the log then ends with the last step made.
     ///
     /// # Errors
     /// As [`run`](Self::run).
@@ -243,16 +245,16 @@ impl RigidBodyMhe {
         Ok(log)
     }
 
-    /// Fits recording and all outputs since anew; whether a rigid body explains them. False, too, where
-    /// fits are not manual and more has passed than outputs are kept.
+    /// Fits recording and all outputs since anew; whether a rigid body explains them. False, too,
+    /// where fits are not manual and more has passed than outputs are kept.
     pub fn refit(&mut self) -> bool {
         self.rigid.refit()
     }
 
-    /// [`refit`](Self::refit) as long as `time_left`, asked after each slice of some 20 µs: None where
-    /// that was not enough. Steps may be made in between; the next call goes on where this one stopped,
-    /// and at the end the filters go on from the fits, with what came since. Where several motions are
-    /// followed some 100 µs are needed at once.
+    /// [`refit`](Self::refit) as long as `time_left`, asked after each slice of some 20 µs: None
+    /// where that was not enough. Steps may be made in between; the next call goes on where this
+    /// one stopped, and at the end the filters go on from the fits, with what came since. Where
+    /// several motions are followed some 100 µs are needed at once.
     ///
     /// # Example
     /// ```no_run
@@ -406,8 +408,8 @@ impl RigidBodyMhe {
         Ok(())
     }
 
-    /// Where no body explains all data any more: one whose outputs lag, if that does. It is made and
-    /// told all in this one step.
+    /// Where no body explains all data any more: one whose outputs lag, if that does. It is made
+    /// and told all in this one step.
     fn look_for_lag(&mut self) -> Result<(), Error> {
         let (doubted, suspected) = (self.rigid.doubted(), self.rigid.suspects_lag());
         let due = self.run.t >= 2 * self.run.tried && self.rigid.seeks_lag();

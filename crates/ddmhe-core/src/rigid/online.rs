@@ -54,8 +54,8 @@ pub(crate) trait Online: Send + Sync {
     fn credible(&self) -> bool;
     /// Whether none explains the data of the latest fits, not even with as much noise as it leaves.
     fn doubted(&self) -> bool;
-    /// [`Recording::second_spread`](crate::rigid::recording::Recording::second_spread), of a body that
-    /// explains the recording and is seen by nothing but its own turns.
+    /// [`Recording::second_spread`](crate::rigid::recording::Recording::second_spread), of a body
+    /// that explains the recording and is seen by nothing but its own turns.
     fn second_spread(&self) -> Option<f64>;
     /// What is known of the body; None where no fit came to an end.
     fn report(&self) -> Option<Report>;

@@ -1,5 +1,6 @@
-//! What the fits are made of: recordings with p outputs, their noise, and where fits begin. In types
-//! with room for more the other outputs are never measured, and their unknowns have a prior alone.
+//! What the fits are made of: recordings with p outputs, their noise, and where fits begin. In
+//! types with room for more the other outputs are never measured, and their unknowns have a prior
+//! alone.
 
 use crate::error::Error;
 use crate::history::History;
@@ -206,8 +207,8 @@ impl<const P: usize> Recording<P> {
         spreads.map_or(f64::NAN, |spreads| spreads[1].max(0.0).sqrt())
     }
 
-    /// Over how many outputs means may be for fits in slices: a motion turns by no more meanwhile than
-    /// in a substep.
+    /// Over how many outputs means may be for fits in slices: a motion turns by no more meanwhile
+    /// than in a substep.
     pub fn every(&self) -> usize {
         (TURN / (self.steps.dt * self.fastest)).floor().clamp(1.0, MEAN) as usize
     }

@@ -39,8 +39,8 @@ pub struct Report {
     /// The direction about which a turn shows in no output and is not braked, of length 1; NaN in a
     /// known field, which moves: none stays so.
     pub unseen: [f64; 3],
-    /// By how long the outputs lag behind the motion, and its standard deviation (s): of a body that
-    /// explains the data with a lag alone.
+    /// By how long the outputs lag behind the motion, and its standard deviation (s): of a body
+    /// that explains the data with a lag alone.
     pub lag: Option<[f64; 2]>,
     /// All of it in sentences.
     pub words: Vec<String>,
@@ -128,7 +128,10 @@ impl Report {
             ),
         };
         let third = self.lag.map(|[lag, sd]| {
-            format!("outputs lag behind the motion by {lag:.3} s, as those of a first-order sensor do (± {sd:.3})")
+            format!(
+                "outputs lag behind the motion by {lag:.3} s, as those of a first-order sensor do \
+                 (± {sd:.3})"
+            )
         });
         [first, second].into_iter().chain(third).collect()
     }

@@ -38,8 +38,8 @@ enum SavedWork {
     /// Nothing.
     #[default]
     None,
-    /// Fits: their starts, the number of outputs, how often they were advanced, whether they try the
-    /// other prior on offsets, and whether they are of means.
+    /// Fits: their starts, the number of outputs, how often they were advanced, whether they try
+    /// the other prior on offsets, and whether they are of means.
     Fits(Vec<Vec<f64>>, usize, usize, bool, bool),
     /// Members on their way to the newest output, how many later outputs their fits are of, and the
     /// next output.
@@ -81,8 +81,8 @@ impl Saved {
         }
     }
 
-    /// The run that was saved, `new` as it begins, but for its work; and what was measured, `nothing`
-    /// yet.
+    /// The run that was saved, `new` as it begins, but for its work; and what was measured,
+    /// `nothing` yet.
     ///
     /// # Errors
     /// [`Error::Value`] for content that no run has.

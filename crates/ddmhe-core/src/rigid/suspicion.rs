@@ -2,8 +2,9 @@
 //!
 //! > cost(z + d) ≈ cost(z) - ‖q‖² + ‖R d - q‖²
 //!
-//! At the optimum of a fit without a lag the q of all unknowns but the last, the lag, is 0: its square
-//! is by how much the cost would fall (a score test, χ² of one degree of freedom where there is none).
+//! At the optimum of a fit without a lag the q of all unknowns but the last, the lag, is 0: its
+//! square is by how much the cost would fall (a score test, χ² of one degree of freedom where there
+//! is none).
 
 use crate::rigid::family::Fitted;
 use ddmhe_run::rigid::pass::{Pass, Units};
@@ -32,8 +33,8 @@ impl<const P: usize, const N: usize> Suspicion<P, N> {
     /// Nothing yet.
     pub const NEW: Self = Suspicion { pass: None, asked: 0, calls: 0, lags: false };
 
-    /// Asks the latest fit, if it is time: of so many of its samples in this step. The data are those
-    /// of each output by itself. Where fits go on beside the filters it waits.
+    /// Asks the latest fit, if it is time: of so many of its samples in this step. The data are
+    /// those of each output by itself. Where fits go on beside the filters it waits.
     pub fn ask<M: Fitted<P, N>>(
         &mut self,
         stepper: &Stepper<M, P, N>,

@@ -2,8 +2,8 @@
 
 use crate::rigid::online::Online;
 
-/// Recorded rates that spread in a second direction by less than so many times their noise lie along a
-/// line. So did six of seven, of 210, that were trusted for long while five deviations off.
+/// Recorded rates that spread in a second direction by less than so many times their noise lie
+/// along a line. So did six of seven, of 210, that were trusted for long while five deviations off.
 const A_LINE: f64 = 3.0;
 
 /// What a user should know of a run over n states, in words.

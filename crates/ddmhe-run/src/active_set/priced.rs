@@ -11,13 +11,13 @@
 //!
 //! > minimise ½‖t‖² + ½‖s‖²  subject to  nᵀt + κ s ≥ b + κ h,  s ≥ h.
 //!
-//! It is solved by the method of Goldfarb and Idnani, with the bounds s ≥ h, the *floors*, active in
-//! the beginning. They are at right angles to everything else: as long as the floor of a row is
+//! It is solved by the method of Goldfarb and Idnani, with the bounds s ≥ h, the *floors*, active
+//! in the beginning. They are at right angles to everything else: as long as the floor of a row is
 //! active, the row's normal is n alone, and neither s nor the floor has to be written down. The
-//! multiplier of a floor is h - κ u, u the row's own. It is 0, and the floor dropped, when u arrives
-//! at h / κ = c: a multiplier beyond what the price allows. Only then does the row get a *slot*, a
-//! coordinate of its own, and its floor is from then on a bound like any other. A side with a row
-//! number beyond the window's is the floor of a slot.
+//! multiplier of a floor is h - κ u, u the row's own. It is 0, and the floor dropped, when u
+//! arrives at h / κ = c: a multiplier beyond what the price allows. Only then does the row get a
+//! *slot*, a coordinate of its own, and its floor is from then on a bound like any other. A side
+//! with a row number beyond the window's is the floor of a slot.
 //!
 //! A row that may be left never contradicts others: it is left before its multiplier grows without
 //! bound.
@@ -401,8 +401,8 @@ impl<'p, 'a, 'm> Extended<'p, 'a, 'm> {
         true
     }
 
-    /// Whether every bound holds as it is moved, every multiplier has its sign and is below what its
-    /// price allows, and t is their sum.
+    /// Whether every bound holds as it is moved, every multiplier has its sign and is below what
+    /// its price allows, and t is their sum.
     fn verified(&mut self, w: &[f64]) -> bool {
         let (r, mut sum) = (self.problem.rows.r, 0.0);
         let size = dot(&self.work.t[..r], &self.work.t[..r]).root().max(1.0);

@@ -9,10 +9,10 @@
 //!
 //! > Σ(t) = c_T (P + Σ_j K_j G K_jᵀ + b bᵀ),  K_j ← F K_j + z_j I,  b ← F b + B \[x̂ - x̄; u - ū\]
 //!
-//! z the regressors \[x; u; 1\] as the recording's moments whiten them, G = \[I, -L\] Γ \[I, -L\]ᵀ the
-//! covariance of a row of Δ that matters, b what noise N on the recorded states biases the model by,
-//! and c_T = (T+q+1)/(T-q-1) for q regressors: Q and R are known from T samples as well. V is
-//! Σ νᵀS⁻¹ν over the window with S = C Σ Cᵀ + c_T R: χ², where the model is the system's.
+//! z the regressors \[x; u; 1\] as the recording's moments whiten them, G = \[I, -L\] Γ \[I, -L\]ᵀ
+//! the covariance of a row of Δ that matters, b what noise N on the recorded states biases the
+//! model by, and c_T = (T+q+1)/(T-q-1) for q regressors: Q and R are known from T samples as well.
+//! V is Σ νᵀS⁻¹ν over the window with S = C Σ Cᵀ + c_T R: χ², where the model is the system's.
 
 use crate::panels::{axpy, dot};
 use crate::plan::span::{Cursor, Span};

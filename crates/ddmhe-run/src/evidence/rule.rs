@@ -18,7 +18,8 @@ pub enum Rule {
     /// Σ = A + Q.
     Stated,
     /// The weights of the recording: Σ is the covariance of the Kalman filter and of what the
-    /// recording leaves open of its model, see [`model`](crate::evidence::model), and V = Σ‖ν‖² over the window (its NIS).
+    /// recording leaves open of its model, see [`model`](crate::evidence::model), and V = Σ‖ν‖²
+    /// over the window (its NIS).
     Filter,
 }
 

@@ -26,8 +26,8 @@ pub struct PlanSpans {
     pub weights: Span,
     /// What the recording leaves open of its model, with the recording's weights.
     pub model: ModelSpans,
-    /// How held-out errors grow: 2q, .1 T and T of [`growth`](crate::evidence::formulas::growth), and
-    /// how many samples a new run is from the recording's end.
+    /// How held-out errors grow: 2q, .1 T and T of [`growth`](crate::evidence::formulas::growth),
+    /// and how many samples a new run is from the recording's end.
     pub growth: Span,
     /// W: what a sample adds to Q (n × n).
     pub drift: Span,

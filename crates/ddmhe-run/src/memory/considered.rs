@@ -164,7 +164,8 @@ impl OfFilter {
         block[at].copy_from_slice(&[score, measured as f64]);
     }
 
-    /// NIS of an output over the last M steps, what it is novel above, and what Σ is multiplied with.
+    /// NIS of an output over the last M steps, what it is novel above, and what Σ is multiplied
+    /// with.
     #[inline(always)]
     pub fn score(&mut self, block: &[f64]) -> [f64; 3] {
         while self.scores.len > self.horizon {

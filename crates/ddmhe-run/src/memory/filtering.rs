@@ -150,8 +150,8 @@ impl Filtering {
         known[nu..nu + p].copy_from_slice(&room[n..n + p]);
     }
 
-    /// The whole window from x̄ on. Its estimates are one filter's again where they are what the pass
-    /// makes of them.
+    /// The whole window from x̄ on. Its estimates are one filter's again where they are what the
+    /// pass makes of them.
     fn pass(&mut self, block: &mut [f64], at: Stretches, kalman: &Kalman<'_>) {
         let ([n, p, m], depth) = (at.channels(), at.depth);
         let (x, y, u) = (at.states.last(depth), at.outputs.last(depth), at.inputs.last(depth));
@@ -261,8 +261,8 @@ impl Filtering {
         (self.found == Some(Way::Losses)).then(|| self.losses.covariance(depth, n))
     }
 
-    /// Whether the estimates that are kept are one filter's: not before outputs that were there from
-    /// the start, the recording's, are filtered.
+    /// Whether the estimates that are kept are one filter's: not before outputs that were there
+    /// from the start, the recording's, are filtered.
     pub fn is_chain(&self) -> bool {
         self.chain && self.unfiltered == 0
     }

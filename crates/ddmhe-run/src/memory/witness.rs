@@ -276,8 +276,8 @@ impl Witness {
         inflation(plan.rule, self.judged.value, self.judged.limit)
     }
 
-    /// The mean of v, a step later. What is told is v in units of the mean before, once that is one of
-    /// M steps.
+    /// The mean of v, a step later. What is told is v in units of the mean before, once that is one
+    /// of M steps.
     fn noise_level(&mut self) -> f64 {
         let before = self.judged;
         let M = self.horizon as f64;

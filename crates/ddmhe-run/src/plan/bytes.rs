@@ -297,8 +297,8 @@ impl<'a> Plan<'a> {
         plan.fits().then_some(plan).ok_or(PlanError::Sizes)
     }
 
-    /// Whether the blocks are there, of the sizes that the header says, and enough for every step of
-    /// a run: the depths ascend from one that a new run's first output fills, to the horizon.
+    /// Whether the blocks are there, of the sizes that the header says, and enough for every step
+    /// of a run: the depths ascend from one that a new run's first output fills, to the horizon.
     fn fits(&self) -> bool {
         let Sizes { horizon, rank, filled, centered, .. } = self.common.sizes;
         let opens = self.common.sizes.opens();

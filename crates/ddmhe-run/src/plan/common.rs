@@ -93,15 +93,17 @@ pub enum Begin {
 }
 
 impl Sizes {
-    /// Whether a machine whose largest number is `largest` can count what is in the common block, in
-    /// the block of any depth, and in the room for a step, and what is multiplied on the way there.
+    /// Whether a machine whose largest number is `largest` can count what is in the common block,
+    /// in the block of any depth, and in the room for a step, and what is multiplied on the way
+    /// there.
     pub fn countable(&self, largest: u64) -> bool {
         self.at_most().is_some_and(|numbers| numbers <= largest)
     }
 
     /// An upper bound on these, None beyond 64 bits. With S rows that a window slides through and r
-    /// directions, each array has at most (S + r)(r + 2n + p + m) numbers, or L (n + p + m)² in Θ, or
-    /// (S (2n + p) + r)² where bounds may be left, or (n + m + 1) n² where evidence follows a filter.
+    /// directions, each array has at most (S + r)(r + 2n + p + m) numbers, or L (n + p + m)² in Θ,
+    /// or (S (2n + p) + r)² where bounds may be left, or (n + m + 1) n² where evidence follows a
+    /// filter.
     fn at_most(&self) -> Option<u64> {
         let [n, p, m, lag] = [self.n, self.p, self.m, self.lag].map(|size| size as u64);
         let [M, r] = [self.horizon, self.rank].map(|size| size as u64);

@@ -12,8 +12,8 @@ use crate::rigid::start::Start;
 pub const OPTIMA: usize = 4;
 /// Steps of a fit online that goes to its end.
 const STEPS: usize = 40;
-/// Of one from another optimum than the leading one's, where fits are near their ends: one that takes
-/// more is hardly as probable.
+/// Of one from another optimum than the leading one's, where fits are near their ends: one that
+/// takes more is hardly as probable.
 const ALTERNATIVE: usize = 4;
 /// An optimum is kept whose cost exceeds the least by less than this.
 const KEPT: f64 = 30.0;

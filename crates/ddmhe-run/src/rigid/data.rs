@@ -61,8 +61,8 @@ impl<const P: usize, K> Data<'_, P, K> {
         Data { means: None, ..*self }
     }
 
-    /// How many instants there are before the end of so many outputs: each of an output, but means are
-    /// of the instants in their middle, and the recording's end is then one by itself.
+    /// How many instants there are before the end of so many outputs: each of an output, but means
+    /// are of the instants in their middle, and the recording's end is then one by itself.
     fn instants(&self, outputs: usize) -> usize {
         match &self.means {
             None => outputs,

@@ -3,9 +3,9 @@
 //!
 //! > R_i d_i + B_i d_θ = q_i
 //!
-//! Rows of recording i depend on (ω_i, θ), ω_i its first rate. Folded into a factor of (ω, θ) in the
-//! place of ω, they leave these three, which give the step d_i once d_θ is known; those below them are
-//! of θ alone, and the next recording's are added to them.
+//! Rows of recording i depend on (ω_i, θ), ω_i its first rate. Folded into a factor of (ω, θ) in
+//! the place of ω, they leave these three, which give the step d_i once d_θ is known; those below
+//! them are of θ alone, and the next recording's are added to them.
 
 use crate::panels::Root;
 use crate::rigid::factor::Factor;

@@ -3,8 +3,8 @@
 
 use crate::panels::Root;
 
-/// R (N × N, upper triangular) and q (N): ‖R d - q‖ is ‖A d - e‖ of all rows [A | e] so far, but for
-/// a constant.
+/// R (N × N, upper triangular) and q (N): ‖R d - q‖ is ‖A d - e‖ of all rows [A | e] so far, but
+/// for a constant.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Factor<const N: usize> {
     /// R, 0 below its diagonal.
@@ -17,8 +17,8 @@ impl<const N: usize> Factor<N> {
     /// Of no row.
     pub const EMPTY: Self = Factor { R: [[0.0; N]; N], q: [0.0; N] };
 
-    /// Takes in rows a and right sides e, by one reflection a column. All columns are gone through for
-    /// each, also those before it, which are 0: so many at once are what vector units do.
+    /// Takes in rows a and right sides e, by one reflection a column. All columns are gone through
+    /// for each, also those before it, which are 0: so many at once are what vector units do.
     #[inline(always)]
     pub fn fold(&mut self, a: &mut [[f64; N]], e: &mut [f64]) {
         for j in 0..N {

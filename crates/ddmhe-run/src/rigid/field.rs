@@ -1,4 +1,5 @@
-//! The rigid body in a magnetic field that is known: what brakes it has turned or changed its magnet.
+//! The rigid body in a magnetic field that is known: what brakes it has turned or changed its
+//! magnet.
 
 use crate::rigid::layout::INERTIA;
 use crate::rigid::motion::{Entry, Family, Given, MOVING, Motion, Slopes};

@@ -1,5 +1,6 @@
 //! The Kalman filter over (ω, θ): one sample. About the motion of a fit it is the fit's own
-//! linearisation, taken on to what was measured since; about its own estimate it is the extended one.
+//! linearisation, taken on to what was measured since; about its own estimate it is the extended
+//! one.
 
 use crate::panels::Root;
 use crate::rigid::layout::outputs;
@@ -18,8 +19,8 @@ const RATE: f64 = 0.03;
 const MOST: f64 = 10.0;
 /// Score above which model and data disagree.
 pub const DISAGREE: f64 = 1.6;
-/// What parameters then wander by at a sample, relative: the first per unit of the score, at most the
-/// second.
+/// What parameters then wander by at a sample, relative: the first per unit of the score, at most
+/// the second.
 const WANDER: (f64, f64) = (3e-4, 1e-2);
 /// What nothing is more certain than after no member of the family explained all data, relative.
 const DOUBT: f64 = 0.02;
@@ -48,9 +49,9 @@ pub struct Filter<const P: usize, const N: usize> {
     pub z: [f64; N],
     /// Covariance of its error.
     pub P: [[f64; N]; N],
-    /// What outputs and motion are linear about: the fit, and where its motion is by now. None: z. An
-    /// extended filter takes every derivative at another estimate and so finds information that is
-    /// not there: in seconds its bars are half as wide as a fit's to the same data.
+    /// What outputs and motion are linear about: the fit, and where its motion is by now. None: z.
+    /// An extended filter takes every derivative at another estimate and so finds information that
+    /// is not there: in seconds its bars are half as wide as a fit's to the same data.
     pub nominal: Option<[f64; N]>,
     /// Noise of the outputs.
     pub noise: [f64; P],
@@ -173,8 +174,8 @@ impl<const P: usize, const N: usize> Filter<P, N> {
         said
     }
 
-    /// Consumes rates x that were measured at the instant of ω, NaN = not measured, and their noise.
-    /// Wild entries of x become NaN.
+    /// Consumes rates x that were measured at the instant of ω, NaN = not measured, and their
+    /// noise. Wild entries of x become NaN.
     pub fn see(&mut self, x: &mut Vector, noise: &Vector) {
         let squared = |own: &Self, i: usize| {
             let (v, variance) = (x[i] - own.z[i], own.P[i][i] + noise[i] * noise[i]);

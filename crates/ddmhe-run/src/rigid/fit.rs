@@ -21,8 +21,8 @@ const ENDED: (f64, f64) = (1e-2, 1e-3);
 /// valley in which damped steps are short.
 const DECREMENT: f64 = 1.0;
 
-/// λ at the beginning of a fit that is near its end; it has ended when its linearisation has less than
-/// the second to gain, which is then taken as it is, or when a step gains less.
+/// λ at the beginning of a fit that is near its end; it has ended when its linearisation has less
+/// than the second to gain, which is then taken as it is, or when a step gains less.
 const NEAR: (f64, f64) = (1e-5, 0.5);
 
 /// Samples whose cost alone takes the time of one with derivatives.

@@ -4,9 +4,9 @@
 //! > τ ẏ = z - y,  z = G Nᵀ ω + r:  y(t) = ∫ e^{-u} z(t - τ u) du over u > 0
 //!
 //! Sensors that have been on for long have forgotten how they began, so y is a function of ω and θ
-//! alone: the motion, made back from ω, is averaged with those weights by Gauss's and Laguerre's rule
-//! of three nodes. It is exact where z is a polynomial of time to the fifth degree, else off by
-//! some .05 (τ W)⁶.
+//! alone: the motion, made back from ω, is averaged with those weights by Gauss's and Laguerre's
+//! rule of three nodes. It is exact where z is a polynomial of time to the fifth degree, else off
+//! by some .05 (τ W)⁶.
 
 use crate::panels::Root;
 use crate::rigid::body::{Body, BodyParts};

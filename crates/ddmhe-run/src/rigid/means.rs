@@ -1,6 +1,6 @@
-//! Means over later outputs that follow each other, of which fits in slices are: a motion that hardly
-//! turns from one sample to the next is fitted to a few of them in a fraction of the time, and its
-//! integrals over each are as good as the samples.
+//! Means over later outputs that follow each other, of which fits in slices are: a motion that
+//! hardly turns from one sample to the next is fitted to a few of them in a fraction of the time,
+//! and its integrals over each are as good as the samples.
 
 /// Means of one channel that may be lacking: of more, fits are of each output by itself.
 const LACKING: f64 = 0.1;
@@ -30,8 +30,8 @@ impl<const P: usize> Means<'_, P> {
         !first.is_empty() && there.all(|i| lacking(i) <= LACKING * first.len() as f64)
     }
 
-    /// What ω at the middle of a mean is to be moved by for its output to be the mean, by the change of
-    /// dω/dt over so many samples: (e² - 1) dt²/24 ω̈.
+    /// What ω at the middle of a mean is to be moved by for its output to be the mean, by the
+    /// change of dω/dt over so many samples: (e² - 1) dt²/24 ω̈.
     #[inline(always)]
     pub fn bend(&self, dt: f64, samples: f64) -> f64 {
         let e = self.every as f64;

@@ -1,5 +1,5 @@
-//! Up to four motions that may have made the data, each with a filter of its own: their mean, and how
-//! far they are apart.
+//! Up to four motions that may have made the data, each with a filter of its own: their mean, and
+//! how far they are apart.
 
 use crate::rigid::anchoring::{OPTIMA, Optima};
 use crate::rigid::data::Data;
@@ -33,8 +33,8 @@ pub struct Mixture<M, const P: usize, const N: usize> {
 
 impl<M: Family<P, N>, const P: usize, const N: usize> Mixture<M, P, N> {
     /// Of at most so many optima, from the end of their fits to so many later outputs on; None
-    /// without one. Those that are the same count once, and those of Euler's rule only where the best
-    /// is: it is a way to simulate, not a body.
+    /// without one. Those that are the same count once, and those of Euler's rule only where the
+    /// best is: it is a way to simulate, not a body.
     pub fn new(
         optima: &Optima<M, N>,
         noise: &[f64; P],
@@ -108,8 +108,8 @@ impl<M: Family<P, N>, const P: usize, const N: usize> Mixture<M, P, N> {
         self.members.get(place)?.as_ref()
     }
 
-    /// Probabilities of the members, by place, as of their fits; 0 of those that do not count, and of
-    /// those that outputs since have contradicted while others go on well.
+    /// Probabilities of the members, by place, as of their fits; 0 of those that do not count, and
+    /// of those that outputs since have contradicted while others go on well.
     pub fn probabilities(&self) -> [f64; OPTIMA] {
         let mut p = self.probabilities;
         if p[0] == 1.0 {
@@ -139,8 +139,8 @@ impl<M: Family<P, N>, const P: usize, const N: usize> Mixture<M, P, N> {
         self.weigh()
     }
 
-    /// All filters of driven motions to the next sample, and into their box; whether one is left that
-    /// did not run away.
+    /// All filters of driven motions to the next sample, and into their box; whether one is left
+    /// that did not run away.
     pub fn arrive(&mut self, known: (&M::Known, &M::Known), limits: Option<&Limits>) -> bool {
         let mut ran_away = false;
         for (_, member) in self.counted_mut() {

@@ -1,5 +1,5 @@
-//! A motion dω/dt = f(ω, θ) that an output y = h(ω, θ) shows, sample by sample, with the derivatives
-//! of both with respect to z = (ω, θ).
+//! A motion dω/dt = f(ω, θ) that an output y = h(ω, θ) shows, sample by sample, with the
+//! derivatives of both with respect to z = (ω, θ).
 
 use crate::rigid::small::Vector;
 use core::ops::Range;
@@ -30,8 +30,8 @@ pub struct Given<const N: usize> {
     pub W: f64,
     /// How steps are made.
     pub steps: Steps,
-    /// Whether drag and output have a cubic part; without one its two γ are 0 and nothing depends on
-    /// them.
+    /// Whether drag and output have a cubic part; without one its two γ are 0 and nothing depends
+    /// on them.
     pub cubic: bool,
     /// Standard deviations of the prior of θ, mean 0; those of ω are not used: it has none.
     pub spread: [f64; N],
@@ -49,7 +49,8 @@ impl<const N: usize> Given<N> {
 pub trait Motion<const P: usize, const N: usize> {
     /// What the unknowns determine.
     type Parts;
-    /// What is known of a sample beside what was measured; nothing where a motion goes on by itself.
+    /// What is known of a sample beside what was measured; nothing where a motion goes on by
+    /// itself.
     type Known: Copy + 'static;
     /// What of it moves the body between two samples.
     type Drive;
@@ -89,7 +90,8 @@ pub trait Motion<const P: usize, const N: usize> {
     fn rows(&self, parts: &Self::Parts, known: &Self::Known, w: &Vector) -> [Self::Row; P];
 }
 
-/// A family that a body's motion may be of: ω comes first in z, then the five numbers of its inertia.
+/// A family that a body's motion may be of: ω comes first in z, then the five numbers of its
+/// inertia.
 pub trait Family<const P: usize, const N: usize>: Motion<P, N> + Copy {
     /// Place of the P offsets of the outputs.
     const OFFSETS: usize;

@@ -14,7 +14,8 @@ const OF_SAMPLE: usize = 12;
 /// Samples of a block whose mean residual is looked at.
 const BLOCK: usize = 10;
 
-/// How the work of a pass is done: with which of the machine's vector units. The numbers are the same.
+/// How the work of a pass is done: with which of the machine's vector units. The numbers are the
+/// same.
 pub trait Units {
     /// Does it.
     fn run<R>(&self, work: impl FnOnce() -> R) -> R;
@@ -250,8 +251,8 @@ impl<const P: usize, const N: usize> Pass<P, N> {
         false
     }
 
-    /// On to the next sample, where ω is w; false where that runs away or the cost exceeds `most`: it
-    /// is then infinite.
+    /// On to the next sample, where ω is w; false where that runs away or the cost exceeds `most`:
+    /// it is then infinite.
     #[inline(always)]
     fn goes_on(&mut self, moved: Option<Moved>, most: f64) -> bool {
         let Some(moved) = moved.filter(|_| self.cost <= most && self.cost < f64::INFINITY) else {

@@ -86,8 +86,8 @@ fn apart<const N: usize>(a: &[f64; N], b: &[f64; N], P: &[[f64; N]; N]) -> f64 {
     u.iter().map(|v| v * v).sum()
 }
 
-/// Mean squares of the residuals in units of their noise: of states, of outputs, and of both in means
-/// over ten samples.
+/// Mean squares of the residuals in units of their noise: of states, of outputs, and of both in
+/// means over ten samples.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Misfit {
     /// χ of each.

@@ -9,8 +9,8 @@ use crate::rigid::motion::Family;
 use crate::rigid::pass::Units;
 use crate::rigid::small::Vector;
 
-/// After how many lengths of the recordings all data are fitted anew; then each time that so many times
-/// as much has passed, up to the last.
+/// After how many lengths of the recordings all data are fitted anew; then each time that so many
+/// times as much has passed, up to the last.
 const SCHEDULE: ([f64; 7], f64, f64) = ([0.25, 0.35, 0.5, 0.7, 1.0, 1.4, 2.0], 1.15, 32.0);
 /// Filters are linear about fits from so many lengths of the recording on, until what came since is
 /// such a share of what the fit is of: before, fits follow each other so closely that the extended
@@ -25,8 +25,9 @@ const ALTERNATIVES: usize = 4;
 const SLICE: [usize; 6] = [64, 43, 30, 15, 12, 10];
 /// Samples that such a step replays: of all motions together, and of each at least.
 const REPLAYED: (usize, usize) = (15, 4);
-/// Lengths of the recording after which its first round of fits begins, and by what factor more time
-/// is to have passed at the next. Each is followed by as long a rest: most steps are the filters' alone.
+/// Lengths of the recording after which its first round of fits begins, and by what factor more
+/// time is to have passed at the next. Each is followed by as long a rest: most steps are the
+/// filters' alone.
 const SLICED: (f64, f64) = (0.12, 1.2);
 /// So many of the first rounds of fits, and then each time twice as many, one is thorough.
 const THOROUGH: usize = 3;
@@ -53,10 +54,10 @@ pub const fn slice(p: usize) -> usize {
 /// When all data are fitted anew.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Refit {
-    /// One round after the other, a slice with each step: the filters go on meanwhile, and at the end
-    /// others go on from the fits, with what came since. The third round, the sixth, the twelfth, …
-    /// are thorough: they also try the other prior on offsets. What hardly counts is not fitted. Fits
-    /// are of means where there are such.
+    /// One round after the other, a slice with each step: the filters go on meanwhile, and at the
+    /// end others go on from the fits, with what came since. The third round, the sixth, the
+    /// twelfth, … are thorough: they also try the other prior on offsets. What hardly counts is not
+    /// fitted. Fits are of means where there are such.
     #[default]
     Sliced,
     /// When they are due, in the step that they are due in.
@@ -224,10 +225,11 @@ impl<M: Family<P, N>, const P: usize, const N: usize> Stepper<M, P, N> {
         true
     }
 
-    /// Goes on with what goes on beside the filters, or begins fits of all data as [`fit_anew`] does,
-    /// a slice after the other as long as there is time, asked after each: whether a rigid body
-    /// explains the data of the fits; None where they have not come to an end, or the filters that go
-    /// on from them not to the newest output. Without steps in between the end is that of [`fit_anew`].
+    /// Goes on with what goes on beside the filters, or begins fits of all data as [`fit_anew`]
+    /// does, a slice after the other as long as there is time, asked after each: whether a rigid
+    /// body explains the data of the fits; None where they have not come to an end, or the filters
+    /// that go on from them not to the newest output. Without steps in between the end is that of
+    /// [`fit_anew`].
     ///
     /// [`fit_anew`]: Self::fit_anew
     pub fn fit_while(
