@@ -94,6 +94,11 @@ impl<M: Fitted<P, N>, const P: usize, const N: usize> Ground<M, P, N> {
         }
     }
 
+    /// Whether fits are asked what a lag would gain: not beside slices, whose rests are too short.
+    pub fn asks(&self) -> bool {
+        self.seeks_lag && self.refit != Some(Refit::Sliced)
+    }
+
     pub fn start(&self) -> Option<Stepper<M, P, N>> {
         let settings = (self.recording.size, self.recording.known, self.most);
         Stepper::new(&self.choice.optima, &self.noise, self.refit, settings)

@@ -87,7 +87,7 @@ pub(crate) struct Run<M: Fitted<P, N>, const P: usize, const N: usize> {
 
 impl<M: Fitted<P, N>, const P: usize, const N: usize> Run<M, P, N> {
     pub fn on(ground: Ground<M, P, N>) -> Self {
-        let suspicion = ground.seeks_lag.then_some(Suspicion::NEW);
+        let suspicion = ground.asks().then_some(Suspicion::NEW);
         let stepper = ground.start();
         let room = if stepper.is_some() { ground.room() } else { 0 };
         let later = ground.nothing(room);
@@ -287,7 +287,7 @@ impl<M: Fitted<P, N>, const P: usize, const N: usize> Online for Run<M, P, N> {
         self.stepper = self.ground.start();
         self.later.clear();
         self.know_the_recording();
-        self.suspicion = self.ground.seeks_lag.then_some(Suspicion::NEW);
+        self.suspicion = self.ground.asks().then_some(Suspicion::NEW);
     }
 
     fn tell_all(&self, other: &mut dyn Online, estimate: &mut Estimate) -> bool {
