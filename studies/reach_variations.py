@@ -149,8 +149,7 @@ def both(job):
     """What DdMhe and RigidBodyMhe make of a case, with settings of the latter, and whether a body
     explains the recording."""
     case, settings = job
-    noise = {name: settings[name] for name in ("output_noise",) if name in settings}
-    affine = ddmhe.DdMhe(case.history, **noise)
+    affine = ddmhe.DdMhe(case.history, output_noise=settings.get("output_noise"))
     rigid = ddmhe.RigidBodyMhe(case.history, **settings)
     found = [judged(estimator.run(case.Y), case) for estimator in (affine, rigid)]
     rigid.reset()

@@ -1,8 +1,8 @@
 //! Families of motions that are fitted to a recording: where their fits begin, and what they are
 //! told of each sample.
 
+use crate::rigid::config::FEW_OUTPUTS;
 use crate::rigid::recording::Recording;
-use ddmhe_run::rigid::lag::lag;
 use ddmhe_run::rigid::layout::unknowns;
 use ddmhe_run::rigid::motion::{Family, Motion};
 use ddmhe_run::rigid::{Body, LaggedBody, Start};
@@ -31,7 +31,9 @@ pub(crate) trait Fitted<const P: usize, const N: usize>:
     type Lagging: Motion<P, N, Known = Self::Known>;
 
     /// A motion as one of that family, without a lag; None where none is looked for.
-    fn lagging(of: &Start<Self, N>) -> Option<Start<Self::Lagging, N>>;
+    fn lagging(_: &Start<Self, N>) -> Option<Start<Self::Lagging, N>> {
+        None
+    }
 
     /// Where its fit begins.
     fn start(
@@ -56,18 +58,13 @@ impl<const P: usize, const N: usize> Fitted<P, N> for Body<P, N> {
     #[cfg(feature = "serde")]
     const NUMBERS: usize = 0;
 
-    const SEEKS_LAG: bool = true;
+    const SEEKS_LAG: bool = P <= FEW_OUTPUTS;
 
     type Lagging = LaggedBody<P, N>;
 
     fn lagging(of: &Start<Self, N>) -> Option<Start<LaggedBody<P, N>, N>> {
-        let Start { motion: mut body, mut z, firsts } = *of;
-        if body.given.cubic || body.is_simulated() {
-            return None;
-        }
-        z[lag(P)] = 0.0;
-        body.given.spread[lag(P)] = UNKNOWN;
-        Some(Start { motion: LaggedBody { body }, z, firsts })
+        let body = &of.motion;
+        (!body.given.cubic && !body.is_simulated()).then(|| LaggedBody::start(of, UNKNOWN))
     }
 
     fn start(recording: &Recording<P>, _: &[()], trial: usize, cubic: bool) -> Start<Self, N> {

@@ -27,10 +27,6 @@ impl<const P: usize, const N: usize> Fitted<P, N> for FieldBody<P, N> {
 
     type Lagging = Self;
 
-    fn lagging(_: &Start<Self, N>) -> Option<Start<Self, N>> {
-        None
-    }
-
     fn start(
         recording: &Recording<P>,
         known: &[Field<P>],

@@ -4,7 +4,7 @@ use crate::config::Bounds;
 use crate::error::Error;
 use crate::history::History;
 use crate::rigid::choice::Choice;
-use crate::rigid::config::{FEW_OUTPUTS, Refits, RigidConfig};
+use crate::rigid::config::{Refits, RigidConfig};
 use crate::rigid::family::Fitted;
 use crate::rigid::later::Later;
 use crate::rigid::recording::Recording;
@@ -77,8 +77,7 @@ impl<M: Fitted<P, N>, const P: usize, const N: usize> Ground<M, P, N> {
         let (half, range) = spread(&recording.x);
         let most = config.optima;
         let units = Wide::new();
-        let few = recording.p <= FEW_OUTPUTS;
-        let seeks_lag = M::SEEKS_LAG && few && config.output_lag.is_none() && choice.explained;
+        let seeks_lag = M::SEEKS_LAG && config.output_lag.is_none() && choice.explained;
         Ground {
             recording,
             known,
@@ -94,7 +93,7 @@ impl<M: Fitted<P, N>, const P: usize, const N: usize> Ground<M, P, N> {
         }
     }
 
-    /// Whether fits are asked what a lag would gain: not beside slices, whose rests are too short.
+    /// Whether fits are asked what a lag would gain: not beside slices, which have no time.
     pub fn asks(&self) -> bool {
         self.seeks_lag && self.refit != Some(Refit::Sliced)
     }

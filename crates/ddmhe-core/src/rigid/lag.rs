@@ -7,7 +7,6 @@ use crate::rigid::config::RigidConfig;
 use crate::rigid::family::Fitted;
 use crate::rigid::ground::Ground;
 use crate::rigid::recording::Recording;
-use ddmhe_run::rigid::lag::lag;
 use ddmhe_run::rigid::motion::{Family, Motion};
 use ddmhe_run::rigid::{Body, LaggedBody, Start};
 
@@ -24,15 +23,10 @@ impl<const P: usize, const N: usize> Fitted<P, N> for LaggedBody<P, N> {
 
     type Lagging = Self;
 
-    fn lagging(_: &Start<Self, N>) -> Option<Start<Self, N>> {
-        None
-    }
-
     fn start(recording: &Recording<P>, _: &[()], trial: usize, _: bool) -> Start<Self, N> {
-        let Start { motion: mut body, z, firsts } = recording.body(trial, false);
         let whole = recording.steps().dt * recording.y.len() as f64;
-        body.given.spread[lag(P)] = (SPREAD.0 / recording.W).min(SPREAD.1 * whole);
-        Start { motion: LaggedBody { body }, z, firsts }
+        let spread = (SPREAD.0 / recording.W).min(SPREAD.1 * whole);
+        LaggedBody::start(&recording.body(trial, false), spread)
     }
 
     fn known(_: &[f64], _: &[f64]) {}

@@ -62,13 +62,12 @@ struct Judged {
     worse: usize,
     /// Whether it consumes what is measured.
     stands_by: bool,
-    /// When a lag was tried last, and whether the run goes on with it.
+    /// When a lag was tried last.
     tried: usize,
-    lags: bool,
 }
 
 impl Judged {
-    const NEW: Self = Judged { t: 0, score: 1.0, worse: 0, stands_by: true, tried: 0, lags: false };
+    const NEW: Self = Judged { t: 0, score: 1.0, worse: 0, stands_by: true, tried: 0 };
 }
 
 impl Clone for RigidBodyMhe {
@@ -92,6 +91,7 @@ struct Snapshot {
     history: History,
     config: RigidConfig,
     rigid: Saved,
+    lags: bool, // found on the way
     fallback: Vec<u8>,
     estimate: Estimate,
     run: Judged,
@@ -345,6 +345,7 @@ impl RigidBodyMhe {
             history: self.history.clone(),
             config: self.config.clone(),
             rigid: self.rigid.saved(),
+            lags: self.plain.is_some(),
             fallback: self.fallback.snapshot(),
             estimate: self.estimate.clone(),
             run: self.run,
@@ -362,7 +363,7 @@ impl RigidBodyMhe {
         let snapshot: Snapshot = from_bytes(Kind::RigidBody, blob)?;
         let fallback = DdMhe::restore(&snapshot.fallback)?;
         let mut own = RigidBodyMhe::new(&snapshot.history, snapshot.config, Some(fallback))?;
-        if snapshot.run.lags {
+        if snapshot.lags {
             let lagging = lagging(&own.history, &own.config)?.ok_or_else(wrong)?;
             own.plain = Some(std::mem::replace(&mut own.rigid, lagging));
         }
@@ -424,7 +425,7 @@ impl RigidBodyMhe {
         let is_sure = lag.is_some_and(|[lag, sd]| lag > CERTAIN * sd);
         if explains && other.credible() && (doubted || is_sure) {
             self.plain = Some(std::mem::replace(&mut self.rigid, other));
-            (self.estimate, self.run.lags) = (estimate, true);
+            self.estimate = estimate;
         }
         Ok(())
     }

@@ -11,12 +11,11 @@ use crate::rigid::recording::widened;
 use crate::rigid::report::Report;
 #[cfg(feature = "serde")]
 use crate::rigid::saved::{Saved, wrong};
-use crate::rigid::suspicion::Suspicion;
+use crate::rigid::suspicion::suspects;
 use ddmhe_run::rigid::anchoring::OPTIMA;
 use ddmhe_run::rigid::filter::DISAGREE;
 use ddmhe_run::rigid::pass::Units;
 use ddmhe_run::rigid::small::{Matrix, Vector};
-use ddmhe_run::rigid::stepper::slice;
 use ddmhe_run::rigid::{Innovation, Limits, Refit, Stepper};
 use ddmhe_run::{Reasons, Status};
 use std::sync::Arc;
@@ -48,7 +47,7 @@ pub(crate) trait Online: Send + Sync {
     fn explained(&self) -> bool;
     /// Whether outputs may be found to lag.
     fn seeks_lag(&self) -> bool;
-    /// Whether the latest fit says that they do; once.
+    /// Whether the latest fit says that they do, if it is time to ask.
     fn suspects_lag(&mut self) -> bool;
     /// Whether it is credible where it explains all data.
     fn credible(&self) -> bool;
@@ -69,8 +68,9 @@ pub(crate) trait Online: Send + Sync {
     fn copy(&self) -> Box<dyn Online>;
 }
 
-/// Samples of a pass without a lag that take the time of one with it.
-const LAGGING: usize = 4;
+/// A fit is asked whether outputs lag that is of so many times as many later outputs as the last
+/// that was.
+const AGAIN: usize = 2;
 
 /// A run with at most P outputs.
 #[derive(Clone)]
@@ -81,19 +81,18 @@ pub(crate) struct Run<M: Fitted<P, N>, const P: usize, const N: usize> {
     /// What is known of all samples, and of the last two; nothing where nothing has to be.
     known: Vec<M::Known>,
     recent: Option<[M::Known; 2]>,
-    /// Whether outputs lag, where that is looked for.
-    suspicion: Option<Suspicion<P, N>>,
+    /// How many later outputs the fit was of that was asked last whether outputs lag.
+    asked: usize,
 }
 
 impl<M: Fitted<P, N>, const P: usize, const N: usize> Run<M, P, N> {
     pub fn on(ground: Ground<M, P, N>) -> Self {
-        let suspicion = ground.asks().then_some(Suspicion::NEW);
         let stepper = ground.start();
         let room = if stepper.is_some() { ground.room() } else { 0 };
         let later = ground.nothing(room);
         let driven = if M::DRIVEN { ground.known.len() + room } else { 0 };
         let (known, recent) = (Vec::with_capacity(driven), None);
-        let mut run = Run { ground: Arc::new(ground), stepper, later, known, recent, suspicion };
+        let mut run = Run { ground: Arc::new(ground), stepper, later, known, recent, asked: 0 };
         run.know_the_recording();
         run
     }
@@ -232,10 +231,6 @@ impl<M: Fitted<P, N>, const P: usize, const N: usize> Online for Run<M, P, N> {
         if foretold {
             let data = self.ground.data(&self.later, &self.known);
             stepper.anchor(&data, self.ground.limits.as_ref(), &self.ground.units);
-            if let Some(suspicion) = &mut self.suspicion {
-                let ground = &self.ground;
-                suspicion.ask(stepper, &data.singly(), suspected(ground), &ground.units);
-            }
         }
         let now = match &self.recent {
             Some([before, last]) => {
@@ -287,7 +282,7 @@ impl<M: Fitted<P, N>, const P: usize, const N: usize> Online for Run<M, P, N> {
         self.stepper = self.ground.start();
         self.later.clear();
         self.know_the_recording();
-        self.suspicion = self.ground.asks().then_some(Suspicion::NEW);
+        self.asked = 0;
     }
 
     fn tell_all(&self, other: &mut dyn Online, estimate: &mut Estimate) -> bool {
@@ -318,7 +313,21 @@ impl<M: Fitted<P, N>, const P: usize, const N: usize> Online for Run<M, P, N> {
     }
 
     fn suspects_lag(&mut self) -> bool {
-        self.suspicion.as_mut().is_some_and(|own| std::mem::take(&mut own.lags))
+        let Some(stepper) = self.stepper.as_ref().filter(|_| self.ground.asks()) else {
+            return false;
+        };
+        let of = stepper.mixture.of;
+        if stepper.work.is_some() || of == 0 || of < AGAIN * self.asked {
+            return false;
+        }
+        let data = self.ground.data(&self.later, &self.known).singly();
+        let (end, units) = (data.y.len() + of, &self.ground.units);
+        let fit = stepper.leading().map(|leading| leading.found.start());
+        let found = fit.and_then(|fit| suspects(&fit, &data, end, units));
+        if found.is_some() {
+            self.asked = of;
+        }
+        found == Some(true)
     }
 
     fn credible(&self) -> bool {
@@ -346,7 +355,7 @@ impl<M: Fitted<P, N>, const P: usize, const N: usize> Online for Run<M, P, N> {
         let known = self.known.get(self.ground.recording.y.len()..).unwrap_or(&[]);
         let known = known.iter().chain(self.recent.iter().flatten()).flat_map(M::numbers);
         let mut saved = Saved::of(self.stepper.as_ref(), &self.later, known.collect());
-        saved.suspicion = self.suspicion.as_ref().map_or((0, 0), |own| (own.asked, own.calls));
+        saved.asked = self.asked;
         saved
     }
 
@@ -355,38 +364,17 @@ impl<M: Fitted<P, N>, const P: usize, const N: usize> Online for Run<M, P, N> {
         let new = self.ground.start();
         let nothing = self.ground.nothing(self.ground.room());
         (self.stepper, self.later) = saved.resumed(new, &self.ground.recording, nothing)?;
+        self.asked = saved.asked;
         self.know_again(saved)?;
         if let Some(stepper) = &mut self.stepper {
             let ground = &self.ground;
             let data = ground.data(&self.later, &self.known);
             saved.resume_work(stepper, &ground.recording, (&data, &ground.units))?;
-            if let Some(suspicion) = &mut self.suspicion {
-                let ((asked, calls), samples) = (saved.suspicion, suspected(ground));
-                if asked > stepper.t || calls > stepper.t {
-                    return Err(wrong());
-                }
-                *suspicion = Suspicion::NEW;
-                suspicion.asked = asked;
-                for _ in 0..calls {
-                    suspicion.ask(stepper, &data.singly(), samples, &ground.units);
-                    if suspicion.calls == 0 {
-                        return Err(wrong()); // it had ended
-                    }
-                }
-            }
         }
         Ok(())
     }
 
     fn copy(&self) -> Box<dyn Online> {
         Box::new(self.clone())
-    }
-}
-
-/// Of how many samples a step asks whether outputs lag.
-fn suspected<M: Fitted<P, N>, const P: usize, const N: usize>(ground: &Ground<M, P, N>) -> usize {
-    match ground.refit {
-        Some(Refit::Sliced) => (slice(ground.recording.p) / LAGGING).max(1),
-        _ => usize::MAX,
     }
 }

@@ -28,8 +28,8 @@ pub(crate) struct Saved {
     ended: usize,
     unexplained: bool,
     work: SavedWork,
-    /// Of [`Suspicion`](crate::rigid::suspicion::Suspicion): what was asked, and how often.
-    pub suspicion: (usize, usize),
+    /// How many later outputs the fit was of that was asked last whether outputs lag.
+    pub asked: usize,
 }
 
 /// What goes on beside the filters.
@@ -77,7 +77,7 @@ impl Saved {
             ended: stepper.ended,
             unexplained: stepper.unexplained,
             work,
-            suspicion: (0, 0),
+            asked: 0,
         }
     }
 
@@ -108,6 +108,7 @@ impl Saved {
             || self.begun > self.t
             || self.ended > self.t
             || self.of > self.t
+            || self.asked > self.t
         {
             return Err(wrong());
         }

@@ -14,6 +14,7 @@ use crate::rigid::layout::{DRAG_CUBIC, output_cubic};
 use crate::rigid::motion::{Entry, Family, Given, MOVING, Motion, Slopes, Steps};
 use crate::rigid::motion::{after, flow, flow_with_slopes};
 use crate::rigid::small::Vector;
+use crate::rigid::start::Start;
 use core::ops::Range;
 
 /// Unknowns that one output depends on: ω and what moves it, two of G, one of r, and τ.
@@ -57,6 +58,14 @@ struct Averaged {
 }
 
 impl<const P: usize, const N: usize> LaggedBody<P, N> {
+    /// A body as one that may lag, without a lag yet; `spread`: the deviation of its prior (s).
+    pub fn start(of: &Start<Body<P, N>, N>, spread: f64) -> Start<Self, N> {
+        let Start { motion: mut body, mut z, firsts } = *of;
+        z[lag(P)] = 0.0;
+        body.given.spread[lag(P)] = spread;
+        Start { motion: LaggedBody { body }, z, firsts }
+    }
+
     /// The body on its way back to a node, and how many samples that is.
     #[inline(always)]
     fn back(&self, lag: f64, node: usize) -> (Body<P, N>, f64) {
