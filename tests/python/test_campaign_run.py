@@ -12,7 +12,7 @@ import sys
 import distributed
 import pytest
 
-from campaigns import SMALL, at, begin, command, contents, kill_worker
+from campaigns import SMALL, at, begin, children, command, contents, kill_worker
 from commands import in_here
 from ddmhe import campaign
 from ddmhe.campaign.store import Store
@@ -79,6 +79,17 @@ def test_stopped_killed_and_resumed_elsewhere_it_is_the_same(spec, whole, tmp_pa
         made = campaign.run(None, folder, resume=True, scheduler=cluster.scheduler_address)
     assert made.complete
     assert contents(folder) == contents(whole)
+
+
+def test_workers_leave_an_interrupt_to_the_command(spec, whole, tmp_path):
+    """A terminal sends it to them too; one that acted on it was gone for good."""
+    process = begin(spec, "--out", tmp_path / "made", "--workers", 2)
+    at(process, 0.2)
+    for worker in children(process):
+        os.kill(worker, signal.SIGINT)
+    _, err = process.communicate(timeout=300)
+    assert (process.returncode, err) == (0, "")
+    assert contents(tmp_path / "made") == contents(whole)
 
 
 def check_stop(process, folder, whole):

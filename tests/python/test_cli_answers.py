@@ -260,3 +260,29 @@ def test_an_interrupt_ends_what_python_cannot():
     process.send_signal(signal.SIGINT)
     assert process.wait(timeout=20) == 130
     process.stdout.close()
+
+
+DROPPED = """
+import sys, time, click, ddmhe.cli
+class Slow:
+    def __del__(self):
+        print("begun", flush=True)
+        time.sleep(60)
+@click.command("stuck")
+def stuck():
+    Slow()
+    time.sleep(60)
+ddmhe.cli.cli.add_command(stuck)
+sys.argv = ["ddmhe", "stuck"]
+ddmhe.cli.main()
+"""
+
+
+def test_an_interrupt_that_python_drops_comes_again():
+    """Exceptions of `__del__` are dropped, this one with them."""
+    command = [sys.executable, "-c", DROPPED]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    assert process.stdout.readline() == "begun\n"
+    process.send_signal(signal.SIGINT)
+    _, err = process.communicate(timeout=20)
+    assert (process.returncode, "Traceback" in err) == (130, False)

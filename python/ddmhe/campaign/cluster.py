@@ -22,6 +22,8 @@ PATIENCE = 60.0
 """Seconds without any worker after which a campaign ends."""
 CLOSE = 1.0
 """Seconds in which processes of this machine must end by themselves."""
+SOON = 0.5
+"""Seconds that an interrupt waits for the cluster's end."""
 CONNECT = 10.0
 """Seconds in which a scheduler must answer."""
 
@@ -44,6 +46,8 @@ class Workers:
     def end_now(self) -> None:
         """End the processes of this machine without waiting for what they are at."""
         if self.cluster is not None:
+            for nanny in list(self.cluster.workers.values()):
+                nanny.close_gracefully()  # or it begins another worker
             for child in multiprocessing.active_children():
                 child.kill()
 
@@ -73,10 +77,13 @@ def workers_at(scheduler: str | None, workers: int | None) -> Iterator[Workers]:
 @contextmanager
 def _local(distributed: Any, workers: int | None) -> Iterator[Workers]:
     dask = library("dask")
+    silent = library("distributed.utils").silence_logging_cmgr
     settings = {
         "distributed.scheduler.allowed-failures": DEATHS - 1,
+        "distributed.worker.preload": ["ddmhe.campaign.workers"],
     }
-    with dask.config.set(settings):
+    # a cluster that is silent by itself is so until it is closed; its connections end after it
+    with dask.config.set(settings), silent(logging.CRITICAL):
         cluster = distributed.LocalCluster(
             n_workers=workers or os.cpu_count() or 1,
             threads_per_worker=1,
@@ -90,9 +97,11 @@ def _local(distributed: Any, workers: int | None) -> Iterator[Workers]:
             _wait(client)
             found.words = _words(client)
             yield found
-        except KeyboardInterrupt:  # nobody waits for what is closed then
+        except KeyboardInterrupt:
             found.end_now()
-            Thread(target=_close, args=(client, cluster), daemon=True).start()
+            closing = Thread(target=_close, args=(client, cluster), daemon=True)
+            closing.start()
+            closing.join(SOON)  # some hundredths: a process that ends before it leaves semaphores
             raise
         except BaseException:
             found.end_now()

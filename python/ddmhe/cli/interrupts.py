@@ -15,6 +15,8 @@ __all__ = ["GRACE", "STOPPED", "ended_by_interrupts"]
 
 GRACE = 0.7
 """Seconds after which an interrupt that Python was not let to handle ends the process."""
+AGAIN = 0.01
+"""Seconds after which an interrupt that Python dropped is raised again: not in the same place."""
 STOPPED = 130
 """Exit code after Ctrl-C."""
 
@@ -23,7 +25,8 @@ STOPPED = 130
 def ended_by_interrupts() -> Iterator[None]:
     """Python raises KeyboardInterrupt between two of its own instructions, however long the one at
     work takes. A thread that hears of the signal at once ends the process if that does not come;
-    files are whole or not there, whenever it does."""
+    files are whole or not there, whenever it does. One that was raised in an object's `__del__`,
+    where Python drops it, is raised again."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return
@@ -35,12 +38,20 @@ def ended_by_interrupts() -> Iterator[None]:
         handled.set()
         raise KeyboardInterrupt
 
+    def dropped(about: sys.UnraisableHookArgs) -> None:
+        if issubclass(about.exc_type, KeyboardInterrupt):
+            threading.Timer(AGAIN, signal.raise_signal, (signal.SIGINT,)).start()
+        else:
+            unraisable(about)
+
+    unraisable, sys.unraisablehook = sys.unraisablehook, dropped
     before = signal.signal(signal.SIGINT, handle)
     wakeup = signal.set_wakeup_fd(writer, warn_on_full_buffer=False)
     threading.Thread(target=_watch, args=(reader, handled), daemon=True).start()
     try:
         yield
     finally:
+        sys.unraisablehook = unraisable
         signal.signal(signal.SIGINT, before)
         signal.set_wakeup_fd(wakeup)
         os.close(writer)
