@@ -67,8 +67,9 @@ NEAR_SPHERE = dict(
 """Its fits take a few steps more than others."""
 
 
-def run(body, rate_noise, torque_noise, later_noise, seed, **settings):
-    """The log, and the true rates beside it."""
+def run(body, rate_noise, torque_noise, later_noise, seed, camera=None, **settings):
+    """The log, and the true rates beside it; `camera`: the samples at which rates are read, and
+    their noise."""
     settings = dict(x_noise=rate_noise, y_noise=torque_noise, output_noise=later_noise) | settings
     model = ddmhe.models.detumbling(**{name: np.array(value) for name, value in body.items()})
     record = model.simulate((RECORDED + ONLINE) * DT, DT, integrator="accurate")
@@ -77,7 +78,12 @@ def run(body, rate_noise, torque_noise, later_noise, seed, **settings):
     y = record.y + torque_noise * draw.standard_normal(record.y.shape)
     later = record.y[RECORDED:-1] + later_noise * draw.standard_normal((ONLINE, 3))
     history = ddmhe.History(x, y[:RECORDED], dt=DT)
-    log = ddmhe.RigidBodyMhe(history, **settings).run(later)
+    read = None
+    if camera is not None:
+        at, settings["rate_noise"] = camera
+        read = np.full((ONLINE, 3), np.nan)
+        read[at] = record.x[RECORDED:-1][at] + camera[1] * draw.standard_normal((len(at), 3))
+    log = ddmhe.RigidBodyMhe(history, **settings).run(later, X=read)
     return log, record.x[RECORDED + 1 :]
 
 
@@ -109,14 +115,30 @@ def test_fits_in_slices_come_to_an_end(seed, torque_noise):
     assert np.mean(log.trusted & np.any(off > 5 * log.std, axis=1)) < 0.01
 
 
-def test_means_say_what_their_outputs_say():
-    """Fits in slices are of means over up to ten outputs: to the rates of the middle alone these
-    are of a torque .03 % too small, which is eight deviations here."""
+ONCE_A_SECOND = np.arange(7, 600, 10)  # for a minute
+
+
+@pytest.mark.parametrize(
+    "camera", [None, (ONCE_A_SECOND, 1e-6), (np.arange(200), 1e-6)], ids=["no", "slow", "fast"]
+)
+def test_means_say_what_their_samples_say(camera):
+    """Fits in slices are of means over up to ten samples: to the rates of the middle alone these
+    are of a torque .03 % too small, which is eight deviations here. Rates that a camera reads on
+    the way count for the instants that they are of."""
     x = {}
     for refit in ("now", "sliced"):
-        log, _ = run(LAGGED, 1e-6, 1e-5, 1e-4, 0, refit=refit)
+        log, _ = run(LAGGED, 1e-6, 1e-5, 1e-4, 0, camera, refit=refit)
         x[refit], std = log.x[2000:], log.std[2000:]
     assert np.max(np.abs(x["sliced"] - x["now"]) / std) < 0.5
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_fits_in_slices_come_to_an_end_where_a_camera_sees(seed):
+    """Sample by sample a round took up to minutes, and what the camera had shown was lost."""
+    camera = (ONCE_A_SECOND, 1e-4)
+    log, truth = run(SLOW, 1e-3, 0.01, 0.01, seed, camera, refit="sliced")
+    off = np.abs(log.x - truth)
+    assert np.mean(off <= 2 * log.std) > 0.9
 
 
 @pytest.mark.parametrize(

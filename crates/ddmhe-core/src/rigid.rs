@@ -19,6 +19,7 @@ mod made;
 mod measured;
 mod mhe;
 mod online;
+mod recorded_means;
 mod recording;
 mod report;
 #[cfg(feature = "serde")]

@@ -22,7 +22,7 @@ use serde::de::DeserializeOwned;
 
 const MAGIC: &[u8; 6] = b"ddmhe\0";
 /// Goes up with every change of what is saved.
-const FORMAT: u8 = 17;
+const FORMAT: u8 = 18;
 /// Bytes before the checksum, and before the body.
 const HEAD: usize = 16;
 const BODY: usize = HEAD + 4;

@@ -59,7 +59,7 @@ pub use field::{Field, FieldBody};
 pub use filter::{Filter, Innovation, Limits};
 pub use fit::Fit;
 pub use lag::LaggedBody;
-pub use means::{Mean, Means};
+pub use means::{Mean, MeanRate, Means};
 pub use mixture::{Member, Mixture};
 pub use motion::Motion;
 pub use posterior::{Misfit, Posterior};

@@ -7,6 +7,7 @@ use crate::rigid::choice::Choice;
 use crate::rigid::config::{Refits, RigidConfig};
 use crate::rigid::family::Fitted;
 use crate::rigid::later::Later;
+use crate::rigid::recorded_means::RecordedMeans;
 use crate::rigid::recording::Recording;
 use crate::rigid::wide::Wide;
 use ddmhe_run::rigid::anchoring::Optima;
@@ -24,6 +25,8 @@ pub(crate) struct Ground<M: Fitted<P, N>, const P: usize, const N: usize> {
     pub recording: Recording<P>,
     /// What is known of its samples; nothing where nothing has to be.
     pub known: Vec<M::Known>,
+    /// Means over them, for fits in slices.
+    means: Option<RecordedMeans<P>>,
     pub choice: Choice<M, N>,
     pub noise: [f64; P],
     pub refit: Option<Refit>,
@@ -74,6 +77,8 @@ impl<M: Fitted<P, N>, const P: usize, const N: usize> Ground<M, P, N> {
             }
             None => None,
         };
+        let in_means = refit == Some(Refit::Sliced) && !M::DRIVEN;
+        let means = if in_means { RecordedMeans::of(&recording) } else { None };
         let (half, range) = spread(&recording.x);
         let most = config.optima;
         let units = Wide::new();
@@ -81,6 +86,7 @@ impl<M: Fitted<P, N>, const P: usize, const N: usize> Ground<M, P, N> {
         Ground {
             recording,
             known,
+            means,
             choice,
             noise,
             refit,
@@ -108,7 +114,7 @@ impl<M: Fitted<P, N>, const P: usize, const N: usize> Ground<M, P, N> {
         Data {
             later: &later.outputs,
             rates: &later.rates,
-            means: later.means(),
+            means: self.means.as_ref().map(|means| means.with(later)),
             of_later: self.noise,
             ..self.recording.data(of_all::<M, P, N>(known), 0.0)
         }
@@ -116,8 +122,7 @@ impl<M: Fitted<P, N>, const P: usize, const N: usize> Ground<M, P, N> {
 
     /// Nothing yet, with room for so many outputs: nothing is allocated later.
     pub fn nothing(&self, room: usize) -> Later<P> {
-        let in_means = self.refit == Some(Refit::Sliced) && !M::DRIVEN;
-        Later::with_room(room, &self.noise, if in_means { self.recording.every() } else { 1 })
+        Later::with_room(room, &self.noise, self.means.as_ref().map_or(1, RecordedMeans::every))
     }
 
     /// How many later outputs are kept.

@@ -320,7 +320,7 @@ impl<M: Fitted<P, N>, const P: usize, const N: usize> Online for Run<M, P, N> {
         if stepper.work.is_some() || of == 0 || of < AGAIN * self.asked {
             return false;
         }
-        let data = self.ground.data(&self.later, &self.known).singly();
+        let data = self.ground.data(&self.later, &self.known);
         let (end, units) = (data.y.len() + of, &self.ground.units);
         let fit = stepper.leading().map(|leading| leading.found.start());
         let found = fit.and_then(|fit| suspects(&fit, &data, end, units));

@@ -63,6 +63,8 @@ pub(crate) struct Recording<const P: usize> {
     pub size: f64,
     /// Largest |ω| of the last recording: the energy that the run begins with is no more.
     pub fastest: f64,
+    /// Of all.
+    quickest: f64,
     steps: Steps,
     pub of_x: [f64; 3],
     pub of_y: [f64; P],
@@ -126,6 +128,7 @@ impl<const P: usize> Recording<P> {
             W,
             size,
             fastest: own,
+            quickest,
             steps: Steps { dt, substeps, limit },
             of_x,
             of_y,
@@ -163,6 +166,13 @@ impl<const P: usize> Recording<P> {
         Earlier { x, y: &self.y[..before], lengths: &self.lengths }
     }
 
+    /// Rates and outputs of each recording.
+    pub fn parts(&self) -> impl Iterator<Item = (&[[f64; 3]], &[[f64; P]])> {
+        let earlier = self.earlier();
+        let before = (0..self.lengths.len()).filter_map(move |i| earlier.part(i));
+        before.chain(core::iter::once(self.last()))
+    }
+
     /// Their first rates, as they were recorded.
     fn firsts(&self) -> Firsts {
         let earlier = self.earlier();
@@ -180,6 +190,7 @@ impl<const P: usize> Recording<P> {
             later: &[],
             rates: &[],
             means: None,
+            singles: None,
             known,
             of_x: self.of_x.map(|v| v.max(blurred * self.W)),
             of_y: self.of_y.map(|v| v.max(blurred * self.size)),
@@ -210,7 +221,7 @@ impl<const P: usize> Recording<P> {
     /// Over how many outputs means may be for fits in slices: a motion turns by no more meanwhile
     /// than in a substep.
     pub fn every(&self) -> usize {
-        (TURN / (self.steps.dt * self.fastest)).floor().clamp(1.0, MEAN) as usize
+        (TURN / (self.steps.dt * self.quickest)).floor().clamp(1.0, MEAN) as usize
     }
 
     /// A body and where its fit begins: the unseen direction is one that the least-squares C shows

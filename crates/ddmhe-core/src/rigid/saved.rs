@@ -143,11 +143,11 @@ impl Saved {
                 let base = &stepper.leading().ok_or_else(wrong)?.found;
                 let read = starts.iter().map(|start| read_start(base, steps, &mut Reader(start)));
                 let read: Vec<_> = read.collect::<Option<_>>().ok_or_else(wrong)?;
-                let data = if *of_means { data } else { &data.singly() };
                 let later = end - data.y.len();
                 if *of_means && data.means.is_none_or(|means| means.reach(later) != later) {
                     return Err(wrong());
                 }
+                let data = if *of_means { &data.in_means() } else { data };
                 let near = stepper.refit == Some(Refit::Sliced);
                 let manner = Manner { settles: *settles, near, of_means: *of_means };
                 let settings = (stepper.size, stepper.known);

@@ -146,8 +146,17 @@ pub trait Family<const P: usize, const N: usize>: Motion<P, N> + Copy {
 pub struct Moved {
     /// ω.
     pub w: Vector,
-    /// By how much dω/dt has changed on the way, of several substeps in the last.
+    /// dω/dt where it came from, of several substeps in the last.
+    pub rate: Vector,
+    /// By how much that would have changed on the way, had it gone on to change as it did there.
     pub bent: Vector,
+}
+
+impl Moved {
+    /// Nowhere.
+    pub fn still(w: Vector) -> Self {
+        Moved { w, rate: [0.0; 3], bent: [0.0; 3] }
+    }
 }
 
 /// ω so many samples later; None where it runs away.
@@ -161,10 +170,10 @@ pub fn flow<const P: usize, const N: usize, M: Motion<P, N>>(
 ) -> Option<Moved> {
     let Steps { dt, substeps, limit } = motion.given().steps;
     if substeps == 0 {
-        let w = ahead(&w, dt, &motion.rate(parts, &M::between(from, to, 0.0), &w), limit)?;
-        return Some(Moved { w, bent: [0.0; 3] });
+        let rate = motion.rate(parts, &M::between(from, to, 0.0), &w);
+        return Some(Moved { w: ahead(&w, dt, &rate, limit)?, rate, bent: [0.0; 3] });
     }
-    let (h, mut bent) = (dt * samples / substeps as f64, [0.0; 3]);
+    let (h, mut rate, mut bent) = (dt * samples / substeps as f64, [0.0; 3], [0.0; 3]);
     for step in 0..substeps {
         let drive = |c: f64| M::between(from, to, (step as f64 + c) / substeps as f64);
         let at = |c: f64, k: &Vector| [0, 1, 2].map(|i| w[i] + c * k[i]);
@@ -173,9 +182,9 @@ pub fn flow<const P: usize, const N: usize, M: Motion<P, N>>(
         let k3 = motion.rate(parts, &drive(0.5), &at(h / 2.0, &k2));
         let k4 = motion.rate(parts, &drive(1.0), &at(h, &k3));
         w = ahead(&w, h / 6.0, &combined(&k1, &k2, &k3, &k4), limit)?;
-        bent = [0, 1, 2].map(|i| k4[i] - k1[i]);
+        (rate, bent) = (k1, change(&k1, &k3, &k4));
     }
-    Some(Moved { w, bent })
+    Some(Moved { w, rate, bent })
 }
 
 /// The same with dω(after)/d(ω, θ), in which the derivative by ω itself is that by ω before.
@@ -192,9 +201,9 @@ pub fn flow_with_slopes<const P: usize, const N: usize, M: Motion<P, N>>(
     if substeps == 0 {
         let f = motion.slope(parts, &M::between(from, to, 0.0), &w, out);
         *out = from_identity(dt, out);
-        return Some(Moved { w: ahead(&w, dt, &f, limit)?, bent: [0.0; 3] });
+        return Some(Moved { w: ahead(&w, dt, &f, limit)?, rate: f, bent: [0.0; 3] });
     }
-    let (h, mut bent) = (dt * samples / substeps as f64, [0.0; 3]);
+    let (h, mut rate, mut bent) = (dt * samples / substeps as f64, [0.0; 3], [0.0; 3]);
     for step in 0..substeps {
         let drive = |c: f64| M::between(from, to, (step as f64 + c) / substeps as f64);
         let (mut k, mut B) = ([[0.0; 3]; 4], [[[0.0; MOVING]; 3]; 4]);
@@ -206,7 +215,7 @@ pub fn flow_with_slopes<const P: usize, const N: usize, M: Motion<P, N>>(
             chain(c, &mut now[0], &before[stage - 1]);
         }
         w = ahead(&w, h / 6.0, &combined(&k[0], &k[1], &k[2], &k[3]), limit)?;
-        bent = [0, 1, 2].map(|i| k[3][i] - k[0][i]);
+        (rate, bent) = (k[0], change(&k[0], &k[2], &k[3]));
         let mut sum = [[0.0; MOVING]; 3];
         for (i, row) in sum.iter_mut().enumerate() {
             for (j, entry) in row.iter_mut().enumerate() {
@@ -216,7 +225,13 @@ pub fn flow_with_slopes<const P: usize, const N: usize, M: Motion<P, N>>(
         let own = from_identity(h / 6.0, &sum);
         *out = if step == 0 { own } else { after(&own, out) };
     }
-    Some(Moved { w, bent })
+    Some(Moved { w, rate, bent })
+}
+
+/// h f'(0) of f(0), f(h/2) and f(h).
+#[inline(always)]
+fn change(k1: &Vector, k3: &Vector, k4: &Vector) -> Vector {
+    [0, 1, 2].map(|i| 4.0 * (k3[i] - k1[i]) - (k4[i] - k1[i]))
 }
 
 /// k₁ + 2 (k₂ + k₃) + k₄

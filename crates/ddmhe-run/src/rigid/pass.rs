@@ -1,8 +1,10 @@
 //! One pass over the data: the cost of z, and the triangular factor of its whitened Jacobian.
 
+use crate::panels::Root;
 use crate::rigid::data::Data;
 use crate::rigid::earlier::{Eliminated, Firsts};
 use crate::rigid::factor::Factor;
+use crate::rigid::means::MeanRate;
 use crate::rigid::motion::{MOVING, Motion, Moved, Slopes, flow, flow_with_slopes};
 use crate::rigid::posterior::Misfit;
 use crate::rigid::small::Vector;
@@ -11,6 +13,8 @@ use crate::rigid::small::Vector;
 const ROWS: usize = 24;
 /// The most rows that a sample has: a recorded and a later rate, and six outputs.
 const OF_SAMPLE: usize = 12;
+/// Samples whose time one with a recorded rate takes.
+const RECORDED: usize = 2;
 /// Samples of a block whose mean residual is looked at.
 const BLOCK: usize = 10;
 
@@ -158,9 +162,14 @@ impl<const P: usize, const N: usize> Pass<P, N> {
     ) -> bool {
         let (parts, dt) = (motion.parts(&self.z), motion.given().steps.dt);
         let (mut own, mut until) = data.part(self.part, end);
-        for _ in 0..samples {
-            if self.next < own.x.len() {
-                self.state(&own.x[self.next], &own.of_x);
+        let mut left = samples;
+        while left > 0 {
+            let recorded = own.recorded_rate(self.next);
+            let is_mean = own.mean_at(self.next).is_some();
+            left = left.saturating_sub(if recorded.is_some() { RECORDED } else { 1 });
+            if let Some((x, noise)) = recorded.filter(|_| !is_mean) {
+                let w = self.w;
+                self.state(&w, x, noise);
             }
             let ended = self.next >= until;
             if ended || self.filled + OF_SAMPLE > ROWS {
@@ -185,13 +194,19 @@ impl<const P: usize, const N: usize> Pass<P, N> {
                 [from, to, ..] => {
                     flow_with_slopes(motion, &parts, (from, to), span, self.w, &mut F)
                 }
-                _ => Some(Moved { w: self.w, bent: [0.0; 3] }),
+                _ => Some(Moved::still(self.w)),
             };
-            if let (Some(now), Some(moved), Some(measured)) =
-                (known.first(), &moved, own.output(self.next))
-            {
+            if let (Some(now), Some(moved)) = (known.first(), &moved) {
                 let w = own.seen(self.next, (dt, span), &self.w, moved);
-                self.output(motion, (&parts, now), &w, measured);
+                if let Some((x, noise)) = recorded.filter(|_| is_mean) {
+                    self.state(&w, x, noise);
+                }
+                if let Some(rates) = own.mean_rate(self.next) {
+                    self.mean_rate(rates, (moved, &F), (dt, span), &own.of_rates);
+                }
+                if let Some(measured) = own.output(self.next) {
+                    self.output(motion, (&parts, now), &w, measured);
+                }
             }
             if !self.goes_on(moved, most) {
                 return true;
@@ -218,9 +233,12 @@ impl<const P: usize, const N: usize> Pass<P, N> {
         let (mut own, mut until) = data.part(self.part, end);
         for _ in 0..samples {
             let w = self.w;
-            if let Some(x) = own.x.get(self.next) {
-                self.cost += (0..3).map(|i| square(x[i] - w[i], own.of_x[i])).sum::<f64>();
-            }
+            let recorded = own.recorded_rate(self.next);
+            let is_mean = own.mean_at(self.next).is_some();
+            let weighed = |w: &Vector, (x, noise): (&Vector, &Vector)| {
+                (0..3).map(|i| square(x[i] - w[i], noise[i])).sum::<f64>()
+            };
+            self.cost += recorded.filter(|_| !is_mean).map_or(0.0, |own| weighed(&w, own));
             if self.next >= until {
                 if !self.turns() {
                     return true;
@@ -228,21 +246,25 @@ impl<const P: usize, const N: usize> Pass<P, N> {
                 (own, until) = data.part(self.part, end);
                 continue;
             }
-            if let Some(x) = own.rate(self.next) {
-                self.cost += (0..3).map(|i| square(x[i] - w[i], own.of_rates[i])).sum::<f64>();
-            }
+            self.cost += own.rate(self.next).map_or(0.0, |x| weighed(&w, (x, &own.of_rates)));
             let (known, span) =
                 (own.known_from(self.next, until, M::DRIVEN), own.span(self.next, until));
             let next = match known {
                 [from, to, ..] => flow(motion, &parts, (from, to), span, w),
-                _ => Some(Moved { w, bent: [0.0; 3] }),
+                _ => Some(Moved::still(w)),
             };
-            if let (Some(now), Some(moved), Some((y, noise))) =
-                (known.first(), &next, own.output(self.next))
-            {
+            if let (Some(now), Some(moved)) = (known.first(), &next) {
                 let seen = own.seen(self.next, (dt, span), &w, moved);
-                let expected = motion.output(&parts, now, &seen);
-                self.cost += (0..P).map(|i| square(y[i] - expected[i], noise[i])).sum::<f64>();
+                self.cost += recorded.filter(|_| is_mean).map_or(0.0, |own| weighed(&seen, own));
+                if let Some(rates) = own.mean_rate(self.next) {
+                    let off = |i: usize| rates.x[i] - rates.expected(i, &w, moved, (dt, span));
+                    let noise = |i: usize| own.of_rates[i] / rates.count[i].root();
+                    self.cost += (0..3).map(|i| square(off(i), noise(i))).sum::<f64>();
+                }
+                if let Some((y, noise)) = own.output(self.next) {
+                    let expected = motion.output(&parts, now, &seen);
+                    self.cost += (0..P).map(|i| square(y[i] - expected[i], noise[i])).sum::<f64>();
+                }
             }
             if !self.goes_on(next, most) {
                 return true;
@@ -278,10 +300,10 @@ impl<const P: usize, const N: usize> Pass<P, N> {
         true
     }
 
-    /// Rows of a recorded rate.
+    /// Rows of a recorded rate where it is w.
     #[inline(always)]
-    fn state(&mut self, x: &Vector, noise: &Vector) {
-        let e = [0, 1, 2].map(|i| (x[i] - self.w[i]) / noise[i]);
+    fn state(&mut self, w: &Vector, x: &Vector, noise: &Vector) {
+        let e = [0, 1, 2].map(|i| (x[i] - w[i]) / noise[i]);
         for i in 0..3 {
             let by = 1.0 / noise[i];
             let row = self.S[i].map(|v| v * by);
@@ -297,6 +319,28 @@ impl<const P: usize, const N: usize> Pass<P, N> {
         for i in (0..3).filter(|&i| x[i].is_finite()) {
             let by = 1.0 / noise[i];
             let (row, e) = (self.S[i].map(|v| v * by), (x[i] - self.w[i]) * by);
+            self.cost += e * e;
+            self.push(&row, e);
+        }
+    }
+
+    /// Rows of the mean of later rates.
+    #[inline(always)]
+    fn mean_rate(
+        &mut self,
+        rates: &MeanRate,
+        (moved, F): (&Moved, &Slopes),
+        (dt, span): (f64, f64),
+        noise: &Vector,
+    ) {
+        let w = self.w;
+        for i in (0..3).filter(|&i| rates.x[i].is_finite()) {
+            let (by, share) = (rates.count[i].root() / noise[i], rates.at[0][i] / span);
+            let mut row = self.carried(&F[i]);
+            for (row, S) in row.iter_mut().zip(&self.S[i]) {
+                *row = by * (S + share * (*row - S));
+            }
+            let e = (rates.x[i] - rates.expected(i, &w, moved, (dt, span))) * by;
             self.cost += e * e;
             self.push(&row, e);
         }
@@ -335,13 +379,18 @@ impl<const P: usize, const N: usize> Pass<P, N> {
     /// S a sample later.
     #[inline(always)]
     fn carry(&mut self, F: &Slopes) {
-        let before = self.S;
-        for (row, F) in self.S.iter_mut().zip(F) {
-            for (k, entry) in row.iter_mut().enumerate() {
-                *entry = F[0] * before[0][k] + F[1] * before[1][k] + F[2] * before[2][k];
-            }
-            row[3..].iter_mut().zip(&F[3..]).for_each(|(entry, own)| *entry += own);
+        self.S = [0, 1, 2].map(|i| self.carried(&F[i]));
+    }
+
+    /// One row of it.
+    #[inline(always)]
+    fn carried(&self, F: &[f64; MOVING]) -> [f64; N] {
+        let mut row = [0.0; N];
+        for (k, entry) in row.iter_mut().enumerate() {
+            *entry = F[0] * self.S[0][k] + F[1] * self.S[1][k] + F[2] * self.S[2][k];
         }
+        row[3..].iter_mut().zip(&F[3..]).for_each(|(entry, own)| *entry += own);
+        row
     }
 
     #[inline(always)]

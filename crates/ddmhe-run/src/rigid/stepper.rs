@@ -216,7 +216,6 @@ impl<M: Family<P, N>, const P: usize, const N: usize> Stepper<M, P, N> {
     /// motion; whether a rigid body explains them. `data` ends with y(t-1).
     pub fn fit_anew(&mut self, data: &Data<'_, P, M::Known>, units: &impl Units) -> bool {
         self.work = None;
-        let data = &data.singly();
         let Some(mut fits) = self.starts(data, true) else { return false };
         while !fits.advance(data, usize::MAX, units) {}
         self.begun = self.t;
@@ -269,11 +268,9 @@ impl<M: Family<P, N>, const P: usize, const N: usize> Stepper<M, P, N> {
         let starts =
             core::iter::once(first).chain(stale.then(|| leading.from_optimum())).chain(others);
         let (later, near) = (self.t, !all);
-        let means = data.means.filter(|means| {
-            near && data.rates.is_empty()
-                && !leading.found.motion.is_simulated()
-                && means.are_whole(later)
-        });
+        let means = data
+            .means
+            .filter(|means| near && !leading.found.motion.is_simulated() && means.are_whole(later));
         let end = data.y.len() + means.map_or(later, |means| means.reach(later));
         let manner = Manner { settles, near, of_means: means.is_some() };
         Anchoring::new(starts, end, (self.size, self.known), manner)
@@ -312,8 +309,8 @@ impl<M: Family<P, N>, const P: usize, const N: usize> Stepper<M, P, N> {
         match &mut self.work {
             None => {}
             Some(Work::Fits(fits, calls)) => {
-                let singly = data.singly();
-                let of = if fits.manner().of_means { data } else { &singly };
+                let in_means = data.in_means();
+                let of = if fits.manner().of_means { &in_means } else { data };
                 *calls += 1;
                 if fits.advance(of, slice(outputs(&data.of_later)), units)
                     && let Some(Work::Fits(fits, _)) = self.work.take()
