@@ -151,3 +151,36 @@ fn a_lost_output_that_has_left_the_window_leaves_nothing_behind() {
         assert!(active > 30 || size < 0.5, "{size} {active}");
     }
 }
+
+/// A box that is given to a step keeps it from being made at once: the numbers are the same ones.
+#[test]
+fn a_window_that_is_looked_at_once_is_any_other_window() {
+    let system = modes(2);
+    let (n, p) = (system.n(), system.p());
+    let history = system.record(&noise(1, n, 2.0), 80);
+    let (_, mut outputs) = system.simulate(&noise(2, n, 2.0), 90);
+    outputs.iter_mut().zip(noise(3, 90 * p, 0.2)).for_each(|(y, v)| *y += v);
+    outputs[30 * p] = f64::NAN;
+    outputs[70 * p..].iter_mut().for_each(|y| *y *= 1e3); // out of all boxes
+    for horizon in [1, 2, 3, 4, 5, 8, 11, 20] {
+        for size in [None, Some(4.0), Some(1e3)] {
+            let bounds =
+                |of: f64, width: usize| Bounds { lo: vec![-of; width], hi: vec![of; width] };
+            let x_bounds = bounds(size.unwrap_or(f64::INFINITY), n);
+            let settings = Config {
+                x_bounds: size.map(|_| x_bounds.clone()),
+                v_bounds: size.map(|size| bounds(0.1 * size, p)),
+                space: Space::Truncated { rank: Some(7), tol: None },
+                start: Start::State,
+                ..config(horizon)
+            };
+            let mut mhe = DdMhe::new(&history, settings).unwrap();
+            let mut other = mhe.clone();
+            for y in outputs.chunks(p) {
+                let step = Step { y, x_bounds: Some(&x_bounds), u: &[] };
+                let (at_once, any) = (mhe.step(y).unwrap(), other.step_with(step).unwrap());
+                assert_eq!(format!("{at_once:?}"), format!("{any:?}"), "{horizon} {size:?}");
+            }
+        }
+    }
+}

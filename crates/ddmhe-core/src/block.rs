@@ -6,7 +6,7 @@ use ddmhe_run::plan::Span;
 pub(crate) struct Block {
     numbers: Vec<f64>,
     start: usize,
-    len: usize,
+    end: usize,
 }
 
 impl Block {
@@ -15,17 +15,18 @@ impl Block {
     pub fn new(len: usize) -> Self {
         let numbers = vec![0.0_f64; len + Self::LINE / size_of::<f64>()];
         let start = numbers.as_ptr().align_offset(Self::LINE);
-        Block { start: if start <= numbers.len() - len { start } else { 0 }, numbers, len }
+        let start = if start <= numbers.len() - len { start } else { 0 };
+        Block { start, end: start + len, numbers }
     }
 
     #[inline(always)]
     pub fn numbers(&self) -> &[f64] {
-        &self.numbers[self.start..self.start + self.len]
+        &self.numbers[self.start..self.end]
     }
 
     #[inline(always)]
     pub fn numbers_mut(&mut self) -> &mut [f64] {
-        &mut self.numbers[self.start..self.start + self.len]
+        &mut self.numbers[self.start..self.end]
     }
 
     pub fn write(&mut self, span: Span, values: impl IntoIterator<Item = f64>) {
@@ -35,7 +36,7 @@ impl Block {
 
 impl Clone for Block {
     fn clone(&self) -> Self {
-        let mut copy = Block::new(self.len); // which begins elsewhere
+        let mut copy = Block::new(self.end - self.start); // which begins elsewhere
         copy.numbers_mut().copy_from_slice(self.numbers());
         copy
     }

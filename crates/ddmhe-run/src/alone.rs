@@ -34,9 +34,11 @@ impl<B: AsRef<[f64]> + AsMut<[f64]>> Memory<B> {
         if !usual {
             return 0;
         }
-        let outputs_and_states = self.outputs.make_room(block).min(self.states.make_room(block));
-        let inputs = if m > 0 { self.inputs.make_room(block) } else { usize::MAX };
-        let room = outputs_and_states.min(inputs).min(self.filtering.make_room(block));
+        let mut room = self.filtering.make_room(block);
+        for of in [&mut self.outputs, &mut self.states, &mut self.inputs] {
+            of.make_room(block);
+            room = if of.width > 0 { room.min(of.room()) } else { room };
+        }
         let samples = (y.len() / p).min(room);
         let (mut of_x, mut of_y) = (self.states.window().end, self.outputs.window().end);
         let (mut of_u, [mut of_nu, ahead]) = (self.inputs.window().end, self.filtering.ends());

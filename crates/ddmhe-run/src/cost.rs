@@ -9,7 +9,7 @@ impl WindowProblem<'_> {
     /// fitted disturbance, where there is one.
     #[inline(always)]
     pub(crate) fn cost(&self, data: &Data<'_>, s: &mut Scratch<'_>, v: &[f64]) -> f64 {
-        let mut prior = self.depth.prior_weight * self.prior_size(data, s);
+        let mut prior = self.depth.prior_weight * self.prior_size(data.prior, s);
         if let Some(lacking) = data.lacking {
             let n = data.prior.len();
             let moved = &s.spare.parts().moved[..n];
@@ -36,11 +36,10 @@ impl WindowProblem<'_> {
 
     /// ‖x̂(t-m) - x̄‖²_P in scaled units. Unless P is diagonal the distance is in the scratch then.
     #[inline(always)]
-    fn prior_size(&self, data: &Data<'_>, s: &mut Scratch<'_>) -> f64 {
-        let (U, n) = (self.prior, data.prior.len());
+    pub(crate) fn prior_size(&self, prior: &[f64], s: &mut Scratch<'_>) -> f64 {
+        let (U, n) = (self.prior, prior.len());
         let (first, per_s_x) = (&s.window[..n], &self.shared.per_s_x[..n]);
-        let moved =
-            first.iter().zip(per_s_x).zip(data.prior).map(|((x, per), prior)| x * per - prior);
+        let moved = first.iter().zip(per_s_x).zip(prior).map(|((x, per), prior)| x * per - prior);
         let mut sum = 0.0;
         if self.depth.kind.plain_prior {
             for (u, moved) in U[..n].iter().zip(moved) {

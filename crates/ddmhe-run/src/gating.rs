@@ -62,7 +62,8 @@ impl<B: AsRef<[f64]> + AsMut<[f64]>, F: Fallback> Pass<'_, B, F> {
         let Parts { prior, outputs, means, missing, mut scratch, .. } = self.memory.parts();
         let means = problem.means(means);
         let (filtered, lacking, x_bounds) = (None, None, None);
-        let data = Data { prior, outputs, missing, filtered, lacking, means, x_bounds };
+        let data =
+            Data { prior, outputs, missing, filtered, lacking, means, x_bounds, begun: false };
         let known = fallback.vectorised(
             #[inline(always)]
             || problem.newest_by_others(&data, &mut scratch, &own),

@@ -247,8 +247,9 @@ impl<B: AsRef<[f64]> + AsMut<[f64]>> Memory<B> {
     /// The evidence on the newest estimate; None where none is asked for.
     #[inline(always)]
     pub fn evidence<'b>(&'b self, known: &Option<OfPlan<'b>>) -> Option<Evidence<'b>> {
+        let known = known.as_ref()?;
         let block = self.block.as_ref();
-        known.as_ref().map(|known| Evidence {
+        Some(Evidence {
             gated: self.gate.gated(block),
             restarted: self.gate.restarts(block),
             ..self.witness.evidence(block, known)

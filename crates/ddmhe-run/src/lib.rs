@@ -54,9 +54,10 @@
 //! allocator. It depends on three crates, all without std: bytemuck, crc32fast and libm.
 //!
 //! # A tour
-//! [`layout`] (where a row is) → [`plan`] (the numbers) → [`problem`] (one window's) → `window`
-//! (Eq. (16) for it, with `bounds`, `cost` and [`reweight`]: outputs that are lost) →
-//! [`active_set`] (active bounds, and those that are left) → [`memory`] (the sliding window) →
+//! [`layout`] (where a row is) → [`plan`] (the numbers) → [`problem`] (one window's) → `at_once`
+//! (Eq. (16) for it where nothing is lost and no bound was active) → `window` (for any, with
+//! `bounds`, `cost` and [`reweight`]: outputs that are lost) → [`active_set`] (active bounds, and
+//! those that are left) → [`memory`] (the sliding window) →
 //! [`stepper`] (Algorithm 1). [`panels`] are the products, [`tol`] every tolerance. [`fallback`] is
 //! where a ground station's solver comes in.
 
@@ -67,6 +68,7 @@ extern crate std;
 
 pub mod active_set;
 pub mod alone;
+mod at_once;
 mod beginning;
 mod bounds;
 mod cost;
@@ -81,6 +83,7 @@ pub mod layout;
 mod look_ahead;
 pub mod memory;
 pub mod panels;
+mod plain;
 pub mod plan;
 pub mod prices;
 pub mod problem;

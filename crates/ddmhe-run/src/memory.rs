@@ -51,7 +51,7 @@ pub struct Memory<B> {
     pub(crate) since: usize,
     pub(crate) room: Room,
     pub(crate) scratch: usize, // where the room begins
-    sides: usize,              // active bounds of the last step
+    pub(crate) sides: usize,   // active bounds of the last step
     before: usize,
     kept: Kept,
 }
@@ -248,9 +248,9 @@ impl<B: AsRef<[f64]> + AsMut<[f64]>> Memory<B> {
         let block = self.block.as_mut();
         let at = self.outputs.next(block);
         let mut missing = 0;
-        for (slot, y) in block[at].iter_mut().zip(y) {
+        for (i, y) in at.zip(y) {
             let within = y.abs() <= tol::MEASURABLE;
-            *slot = if within { y } else { f64::NAN };
+            block[i] = if within { y } else { f64::NAN }; // one by one: there are few
             missing += usize::from(!within);
         }
         self.missing += missing;
@@ -329,7 +329,7 @@ impl<B: AsRef<[f64]> + AsMut<[f64]>> Memory<B> {
     pub fn push_state(&mut self, x: impl Iterator<Item = f64>) {
         let block = self.block.as_mut();
         let at = self.states.next(block);
-        block[at].iter_mut().zip(x).for_each(|(slot, x)| *slot = x);
+        at.zip(x).for_each(|(i, x)| block[i] = x); // one by one: there are few
     }
 
     /// Forgets the oldest output with its inputs, and the oldest state.
@@ -389,9 +389,8 @@ impl<B: AsRef<[f64]> + AsMut<[f64]>> Memory<B> {
             _ => {
                 let at = self.stretches();
                 self.forced.free(self.block.as_mut(), at);
-                let Forced { x, free, .. } = self.forced;
-                let states = (self.depth + 1) * self.states.width;
-                (free..free + outputs.len(), Some(x..x + states))
+                let [free, means] = self.forced.moved(at);
+                (free, Some(means))
             }
         };
         let (filtered, lacking) = match self.filtering.is_used() {

@@ -303,26 +303,29 @@ pub fn scaled_sum(a: &[f64], b: &[f64], c: &[f64], out: &mut [f64]) {
 #[inline(always)]
 pub fn margins(values: &[f64], lo: &[f64], hi: &[f64]) -> [f64; WIDTH] {
     let (lo, hi) = (&lo[..values.len()], &hi[..values.len()]);
-    // the nearer bound first: the smallest so far waits for one comparison, not for two
-    let least = |least, w, l, h| {
-        let (above, below) = (each(w, l, |w, l| w - l), each(h, w, |h, w| h - w));
-        each(each(above, below, smaller), least, smaller)
-    };
     let mut all = [f64::INFINITY; WIDTH];
     let (w, l, h) = (values.as_chunks::<WIDTH>(), lo.as_chunks::<WIDTH>(), hi.as_chunks::<WIDTH>());
     for ((w, l), h) in w.0.iter().zip(l.0).zip(h.0) {
-        all = least(all, *w, *l, *h);
+        all = nearer(all, *w, *l, *h);
     }
     if w.1.is_empty() {
         return all;
     }
     if let (Some(w), Some(l), Some(h)) = (values.last_chunk(), lo.last_chunk(), hi.last_chunk()) {
-        return least(all, *w, *l, *h); // the last eight, some of them once more
+        return nearer(all, *w, *l, *h); // the last eight, some of them once more
     }
     for (((all, w), l), h) in all.iter_mut().zip(w.1).zip(l.1).zip(h.1) {
         *all = smaller(smaller(w - l, h - w), *all);
     }
     all
+}
+
+/// The smallest distances to two bounds so far.
+#[inline(always)]
+pub(crate) fn nearer(least: Column, w: Column, lo: Column, hi: Column) -> Column {
+    // the nearer bound first: the smallest so far waits for one comparison, not for two
+    let (above, below) = (each(w, lo, |w, lo| w - lo), each(hi, w, |hi, w| hi - w));
+    each(each(above, below, smaller), least, smaller)
 }
 
 /// The smaller one, b if a is NaN.

@@ -3,6 +3,7 @@
 
 use crate::active_set::problem::Windows;
 use crate::active_set::rows::Rows;
+use crate::at_once::AtOnce;
 use crate::evidence::{Minimum, OfDepth};
 use crate::kalman::Filtered;
 use crate::panels::Panels;
@@ -31,6 +32,8 @@ pub struct Data<'a> {
     pub means: &'a [f64],
     /// Bounds on the states for this step alone: n numbers each, or (m+1)·n.
     pub x_bounds: Option<Limits<'a>>,
+    /// Whether z*, its window and v are in the scratch and in the answer.
+    pub begun: bool,
 }
 
 /// Where a window's answer goes, in the user's units.
@@ -163,6 +166,7 @@ pub struct WindowProblem<'a> {
     pub(crate) center: &'a [f64],
     pub(crate) center_gain: Panels<'a>,
     pub(crate) evidence: Option<OfDepth<'a>>,
+    pub(crate) at_once: Option<AtOnce<'a>>,
 }
 
 impl<'a> WindowProblem<'a> {
@@ -181,6 +185,7 @@ impl<'a> WindowProblem<'a> {
             center: depth.center.of(own),
             center_gain: Panels::new(layout.outputs_len(), depth.center_gain.of(own)),
             evidence: depth.kind.judged.then(|| OfDepth::new(depth.evidence, own)),
+            at_once: AtOnce::new(&shared, &depth),
         }
     }
 }

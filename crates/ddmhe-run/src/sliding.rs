@@ -7,76 +7,87 @@ use core::ops::Range;
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct SlidingBuffer {
     at: usize,        // where the stretch begins
+    limit: usize,     // where it ends
     pub width: usize, // numbers in a sample
-    samples: usize,   // in the stretch
-    start: usize,
+    start: usize,     // where the samples begin
+    end: usize,       // where they end
     pub len: usize,
 }
 
 impl SlidingBuffer {
     /// Empty, with room for so many samples from `at` on.
     pub fn new(at: usize, width: usize, samples: usize) -> Self {
-        SlidingBuffer { at, width, samples, start: 0, len: 0 }
+        SlidingBuffer { at, limit: at + samples * width, width, start: at, end: at, len: 0 }
     }
 
     /// Where its samples are.
     #[inline]
     pub fn window(&self) -> Range<usize> {
-        let first = self.at + self.start * self.width;
-        first..first + self.len * self.width
+        self.start..self.end
     }
 
     /// Where the last samples are.
     #[inline]
     pub fn last(&self, samples: usize) -> Range<usize> {
-        let end = self.window().end;
-        end - samples * self.width..end
+        self.end - samples * self.width..self.end
     }
 
     /// Where the next sample goes.
     #[inline]
     pub fn next(&mut self, block: &mut [f64]) -> Range<usize> {
         self.make_room(block);
+        let from = self.end;
+        self.end += self.width;
         self.len += 1;
-        self.last(1)
+        from..self.end
     }
 
-    /// How many samples come to lie one behind the other from the next one on: at least one.
+    /// At least one sample comes to lie behind the newest one.
     #[inline]
-    pub fn make_room(&mut self, block: &mut [f64]) -> usize {
-        if self.start + self.len == self.samples {
+    pub fn make_room(&mut self, block: &mut [f64]) {
+        if self.end == self.limit {
             block.copy_within(self.window(), self.at);
-            self.start = 0;
+            (self.start, self.end) = (self.at, self.at + (self.end - self.start));
         }
-        self.samples - self.start - self.len
+    }
+
+    /// How many samples come to lie one behind the other from the next one on, of a signal that has
+    /// channels.
+    #[inline]
+    pub fn room(&self) -> usize {
+        (self.limit - self.end) / self.width.max(1)
     }
 
     /// So many samples have come to lie behind the newest, and as many are forgotten.
     #[inline]
     pub fn move_on(&mut self, samples: usize) {
-        self.start += samples;
+        self.start += samples * self.width;
+        self.end += samples * self.width;
     }
 
     /// Forgets the oldest sample.
     #[inline]
     pub fn forget(&mut self) {
-        self.start += 1;
+        self.start += self.width;
         self.len -= 1;
     }
 
     /// Forgets the newest sample.
     pub fn retract(&mut self) {
-        self.len = self.len.saturating_sub(1);
+        if self.len > 0 {
+            self.len -= 1;
+            self.end -= self.width;
+        }
     }
 
     /// Forgets all but the newest samples.
     pub fn keep(&mut self, samples: usize) {
-        let forgotten = self.len.saturating_sub(samples);
-        (self.start, self.len) = (self.start + forgotten, self.len - forgotten);
+        self.len = self.len.min(samples);
+        self.start = self.end - self.len * self.width;
     }
 
     /// Forgets all.
     pub fn clear(&mut self) {
-        (self.start, self.len) = (0, 0);
+        (self.start, self.end, self.len) = (self.at, self.at, 0);
     }
 }

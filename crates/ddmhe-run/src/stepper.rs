@@ -22,6 +22,7 @@
 //! *Soft bounds.* A bound with a [price](crate::prices) is left where that costs less: no output is
 //! left out for the sake of it, and no state is moved into it, whatever the status.
 
+use crate::evidence::Minimum;
 use crate::fallback::Fallback;
 use crate::judging::Newest;
 use crate::kalman::Kalman;
@@ -127,26 +128,54 @@ impl<B: AsRef<[f64]> + AsMut<[f64]>, F: Fallback> Pass<'_, B, F> {
     /// whose entries cannot be used; states and noise are in the answer then.
     #[inline(always)]
     pub fn find(&mut self, y: &[f64], missing: usize, out: &mut Answer<'_>) -> Found {
+        let mut found = match self.at_once(out) {
+            Ok(solution) => Found { solution, anew: false, forgot: false },
+            Err(begun) => self.look_closer(begun, out),
+        };
+        if missing > 0 && missing > y.iter().filter(|y| y.is_nan()).count() {
+            found.solution.status = Status::Failed; // an output that cannot be computed with
+        }
+        let (window, n) = (&*out.window, out.x.len());
+        out.x.copy_from_slice(&window[window.len() - n..]);
+        if self.problem.shared.sizes.judged() {
+            let newest = Newest { y, x: out.x, v: out.v };
+            self.memory.judge(self.problem, &found.solution, newest);
+        }
+        found
+    }
+
+    /// The minimiser of a window that was measured as a whole and touches no bound: see
+    /// [`plain`](crate::plain). An error where it is another window; true: it was begun.
+    #[inline(always)]
+    fn at_once(&mut self, out: &mut Answer<'_>) -> Result<WindowSolution, bool> {
+        let (problem, memory) = (self.problem, &mut *self.memory);
+        let Some(known) = &problem.at_once else { return Err(false) };
+        if self.x_bounds.is_some() || !memory.is_plain() {
+            return Err(false);
+        }
+        let found = self.fallback.vectorised(
+            #[inline(always)]
+            || problem.minimise_at_once(known, memory.plain(), &mut out.fit()),
+        );
+        let [cost, value] = found.ok_or(true)?;
+        let (minimum, rest) = (Minimum { value, reweighted: false }, WindowSolution::default());
+        Ok(WindowSolution { status: Status::Optimal, sound: true, cost, minimum, ..rest })
+    }
+
+    /// The minimiser of any window, and what to make of one without.
+    #[inline(never)]
+    fn look_closer(&mut self, begun: bool, out: &mut Answer<'_>) -> Found {
         let shared = &self.problem.shared;
         if let Some(kalman) = &shared.kalman {
             self.filter(kalman);
         }
-        let solution = self.minimise(out);
+        let solution = self.minimise(begun, out);
         if shared.sizes.recorded && !solution.filtered {
             self.memory.unchain();
         }
         let mut found = Found { solution, anew: false, forgot: false };
         if solution.status != Status::Optimal {
             self.reconsider(&mut found, out);
-        }
-        if missing > 0 && missing > y.iter().filter(|y| y.is_nan()).count() {
-            found.solution.status = Status::Failed; // an output that cannot be computed with
-        }
-        let (window, n) = (&*out.window, out.x.len());
-        out.x.copy_from_slice(&window[window.len() - n..]);
-        if shared.sizes.judged() {
-            let newest = Newest { y, x: out.x, v: out.v };
-            self.memory.judge(self.problem, &found.solution, newest);
         }
         found
     }
@@ -205,15 +234,15 @@ impl<B: AsRef<[f64]> + AsMut<[f64]>, F: Fallback> Pass<'_, B, F> {
         0.0
     }
 
-    /// The minimiser over the window in memory.
-    #[inline(always)]
-    fn minimise(&mut self, out: &mut Answer<'_>) -> WindowSolution {
+    /// The minimiser over the window in memory, which may be begun.
+    #[inline(never)]
+    fn minimise(&mut self, begun: bool, out: &mut Answer<'_>) -> WindowSolution {
         let Parts { prior, outputs, means, missing, filtered, lacking, mut scratch, mut working } =
             self.memory.parts();
         let means = self.problem.means(means);
         // the filtering update: x̄(t-M_t) is the estimate that was made then
         let x_bounds = self.x_bounds;
-        let data = Data { prior, outputs, missing, filtered, lacking, means, x_bounds };
+        let data = Data { prior, outputs, missing, filtered, lacking, means, x_bounds, begun };
         let mut fit = out.fit();
         let (problem, fallback) = (self.problem, self.fallback);
         let room = (&mut working, &mut scratch);
@@ -231,7 +260,7 @@ impl<B: AsRef<[f64]> + AsMut<[f64]>, F: Fallback> Pass<'_, B, F> {
     #[cold]
     fn minimise_again(&mut self, out: &mut Answer<'_>) -> WindowSolution {
         self.memory.working_set().clear();
-        self.minimise(out)
+        self.minimise(false, out)
     }
 
     /// What to make of a window without a minimiser.
@@ -255,7 +284,8 @@ impl<B: AsRef<[f64]> + AsMut<[f64]>, F: Fallback> Pass<'_, B, F> {
             let Parts { prior, outputs, means, missing, mut scratch, .. } = self.memory.parts();
             let means = self.problem.means(means);
             let (filtered, lacking, x_bounds) = (None, None, self.x_bounds);
-            let data = Data { prior, outputs, missing, filtered, lacking, means, x_bounds };
+            let data =
+                Data { prior, outputs, missing, filtered, lacking, means, x_bounds, begun: false };
             found.solution = self.problem.rest(&data, &mut scratch, out.fit());
         }
         found.solution.status = status;
@@ -320,7 +350,8 @@ impl<B: AsRef<[f64]> + AsMut<[f64]>, F: Fallback> Pass<'_, B, F> {
         }
         let Parts { prior, outputs, means, missing, mut scratch, .. } = self.memory.parts();
         let (filtered, lacking, means) = (None, None, self.problem.means(means));
-        let data = Data { prior, outputs, missing, filtered, lacking, means, x_bounds };
+        let data =
+            Data { prior, outputs, missing, filtered, lacking, means, x_bounds, begun: false };
         self.problem.confine(&data, &mut scratch, out.window);
     }
 }

@@ -92,14 +92,16 @@ impl WindowProblem<'_> {
             self.smoothed(data, s);
         } else if data.is_reweighted() {
             changed = self.without_missing(data, s)?;
-        } else {
+        } else if !data.begun {
             self.minimiser(data.prior, data.outputs, s.unconstrained);
         }
         if working.sides.is_empty() || !bounded {
-            if !filtered {
+            if !filtered && !data.begun {
                 self.window(&s.unconstrained[..self.depth.rank], s.window);
             }
-            self.residual(data.outputs, s.window, v);
+            if !data.begun {
+                self.residual(data.outputs, s.window, v);
+            }
             if !bounded {
                 return optimal(0, filtered, changed);
             }
@@ -347,7 +349,7 @@ impl WindowProblem<'_> {
     /// z is in every row, so in the cost and here; and from a finite z no row overflows, since x̄
     /// and y are within reach as well.
     #[inline(always)]
-    fn within_reach(&self, window: &[f64]) -> bool {
+    pub(crate) fn within_reach(&self, window: &[f64]) -> bool {
         let last = &window[self.depth.layout.depth * self.depth.layout.n..];
         let per_s_x = self.shared.per_s_x;
         last.iter()

@@ -212,10 +212,11 @@ impl Filtering {
         self.goes_on(depth) && self.depth == depth
     }
 
-    /// As of a [`SlidingBuffer`], for ν.
+    /// Room for ν of the next outputs: of how many.
     #[inline(always)]
     pub fn make_room(&mut self, block: &mut [f64]) -> usize {
-        self.innovations.make_room(block)
+        self.innovations.make_room(block);
+        self.innovations.room()
     }
 
     /// Where ν end, and where the numbers of a step ahead begin.

@@ -94,6 +94,13 @@ impl Forced {
         scaled_sum(means, &x_f[..states], &scales[..states], &mut x[..states]);
     }
 
+    /// Where the window's outputs without it are, and the states that it makes of their means.
+    #[inline(always)]
+    pub fn moved(self, at: Stretches) -> [core::ops::Range<usize>; 2] {
+        let [n, p, _] = at.channels();
+        [self.free..self.free + at.depth * p, self.x..self.x + (at.depth + 1) * n]
+    }
+
     /// Where the forced part of the newest output is (p).
     pub fn newest_output(self, at: Stretches) -> core::ops::Range<usize> {
         let end = self.y_f + at.depth * at.outputs.width;

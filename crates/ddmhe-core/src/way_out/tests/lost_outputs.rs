@@ -79,6 +79,7 @@ fn a_downdate_gives_what_a_new_factorisation_gives() {
                 lacking: None,
                 means,
                 x_bounds: None,
+                begun: false,
             };
             let solve = |prepared: &Prepared| {
                 let sizes = design.ground.sizes();
