@@ -290,3 +290,12 @@ def test_recordings_of_two_bodies_are_explained_by_none():
     assert not est.explained
     assert "no rigid body explains the data of 2 recordings" in est.warnings[0]
     assert set(est.run(y[:50]).status) == {"affine"}
+
+
+def test_means_are_as_short_as_the_quickest_recording_wants():
+    """Of a body that turned fast in an earlier recording fits in slices are of single samples."""
+    spins = [np.multiply(10, SPINS[2]), SPINS[1]]
+    recordings, Y, *_ = turning([150, 150], spins, after=1500)
+    logs = [made(recordings, refit=refit, optima=1).run(Y[:1500]) for refit in ("now", "sliced")]
+    off = np.abs(logs[1].x - logs[0].x) / logs[0].std
+    assert off[-300:].max() < 0.005
